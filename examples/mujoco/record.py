@@ -203,7 +203,7 @@ def main():
         root = list(m.jnt_type).index(mujoco.mjtJoint.mjJNT_FREE)
         place, speed = m.jnt_qposadr[root], m.jnt_dofadr[root]
         log += f'[root]\nposition = {columns("qpos", place, 3)}\nquaternion = {columns("qpos", place + 3, 4)}\norder = "wxyz"\n'
-        log += f'velocity = {columns("qvel", speed, 3)}\nangular = {columns("qvel", speed + 3, 3)}\naxes = "body"\n'
+        log += f'velocity = {columns("qvel", speed, 3)}\nang_vel = {columns("qvel", speed + 3, 3)}\naxes = "body"\n'
     for k, n in enumerate(names):
         log += f'[[joint]]\nname = "{n}"\nposition = "qpos.{q[k]}"\nvelocity = "qvel.{v[k]}"\ntorque = "torque.{k}"\n'
     torques = controls[:, :, v] if asked.replay else torques[:, :, [m.sensor(f"torque of {n}").id for n in names]]

@@ -1,5 +1,5 @@
-//! Time of the algorithms on random trees of 2 to 18 degrees of freedom (14 is an ant's, 18 a quadruped's, both on a
-//! floating base). `cargo bench -p nerd-core --bench dynamics`.
+//! Benchmarks of RNEA, CRBA and ABA on random trees of 2 to 18 DoF (14: an ant, 18: a quadruped, both with floating
+//! base). `cargo bench -p nerd-core --bench dynamics`.
 #![allow(missing_docs)]
 
 #[path = "../tests/common/mod.rs"]
@@ -34,10 +34,10 @@ fn dynamics(c: &mut Criterion) {
                 assert!(aba(&robot, black_box(&qd), black_box(&tau), &GRAVITY, &mut data));
             });
         });
-        // Check that the timed calls are right: both give the same accelerations.
+        // The timed calls must agree: both give the same accelerations.
         let difference = gap(&x, data.qdd.as_slice());
         assert!(difference < 1e-10, "{dofs} dof: the two differ by {difference:.1e}");
-        // Also by the call that needs no stage before it.
+        // The public method, which includes kinematics.
         let velocity = LocalVelocity(qd);
         c.bench_function(&format!("forward_dynamics: {dofs} dof"), |b| {
             b.iter(|| data.forward_dynamics(&robot, black_box(&q), &velocity, black_box(&tau), &GRAVITY).map(|qdd| qdd[0]));

@@ -1,6 +1,6 @@
-//! Contact quantities `c = (p0, p1, n, d)` of the paper (A.1) and the mask over them.
+//! Contact points of links, contact quantities `c = (p0, p1, n, d)` of the paper (A.1) and the threshold of their mask.
 //!
-//! Contacts are found by geometry: a fixed list of points on the robot, each tested against the scene once a frame.
+//! Geometry finds the contacts: a fixed list of points on the robot, each tested against the scene once a frame.
 //! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
 //! cylinder's rim, a vertex of a hull), so the surfaces touch at `d = radius`.
 
@@ -8,64 +8,66 @@ use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// One candidate contact point of a link. Depending on [`Locus`] it may move over the link from frame to frame.
+/// Candidate contact point of a link. Its [`Locus`] says whether it moves over the link from frame to frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPoint {
     /// Index of the link.
     pub link: usize,
     /// Position in the link frame (m); for a moving point, the middle of the region it moves in.
     pub local: Vector3<f64>,
-    /// Radius of the surface around it (m) in the contact law.
+    /// Radius (m) of the ball around the point in the contact law.
     pub radius: f64,
     /// Contact thickness (m), which sets the mask.
     pub thickness: f64,
-    /// The region that the point moves in.
+    /// Where on the link the point can be.
     pub locus: Locus,
     /// Index into the contact-property table of the robot's file, if the file has one.
     pub surface: Option<usize>,
 }
 
-/// The region of its link in which a contact point may lie. The point lies where the region faces the surface that it meets.
+/// Region of a link that a contact point may occupy. The point takes the place that faces the surface it meets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Locus {
     /// At `local`.
     Fixed,
     /// On the rim of a disc about `local`: the rim's deepest point, rotated by an angle about the axis.
     ///
-    /// A disc has three such points, at angles 0 and +-120 degrees. So a standing can has the same stiffness in all directions, `sum r r^T
-    /// = 3/2 R^2`, wherever the first point lies. The outer two have equal gaps, so their movement along the rim does no work.
+    /// A disc has three such points, at angles 0 and +-120 degrees. So a standing cylinder has the same stiffness in
+    /// all directions, `sum r r^T = 3/2 R^2`, wherever the first point lies. The outer two have equal gaps, so their
+    /// movement along the rim does no work.
     Rim {
         /// Axis, link frame.
         axis: UnitVector3<f64>,
         /// Radius of the disc (m).
         radius: f64,
-        /// Angle from the deepest place (rad).
+        /// Angle from the deepest point (rad).
         turn: f64,
     },
     /// The deepest of several vertices, so that the gap is a continuous function of the pose.
     Hull {
         /// The vertices (m, link frame).
         vertices: Arc<[Vector3<f64>]>,
-        /// Largest distance of a vertex from their middle (m).
+        /// Largest distance of a vertex from the vertices' mean (m).
         reach: f64,
     },
 }
 
-/// Below this sine between a disc's axis and the normal, the whole rim counts as equally deep.
+/// Below this sine of the angle between a disc's axis and the normal, the whole rim counts as equally deep.
 const FLAT: f64 = 1e-9;
 
 impl ContactPoint {
-    /// A fixed point.
+    /// A point fixed at `local` (m, link frame), with radius and thickness `radius` (m).
     pub fn new(link: usize, local: Vector3<f64>, radius: f64) -> Self {
         Self { link, local, radius, thickness: radius, locus: Locus::Fixed, surface: None }
     }
 
-    /// The three points of a disc: its centre (m) and axis in the link frame, its radius `rim` (m), the radius of its edge (m).
+    /// The three points of a disc. `centre` (m) and `axis` are in the link frame, `rim` is the disc's radius (m),
+    /// `radius` the edge's (m).
     pub fn disc(link: usize, centre: Vector3<f64>, axis: UnitVector3<f64>, rim: f64, radius: f64) -> [Self; 3] {
         [0.0, TAU / 3.0, -TAU / 3.0].map(|turn| Self { locus: Locus::Rim { axis, radius: rim, turn }, ..Self::new(link, centre, radius) })
     }
 
-    /// The deepest of some vertices (m, link frame), each a ball of `radius` (m).
+    /// The deepest of `vertices` (m, link frame), each a ball of `radius` (m).
     pub fn hull(link: usize, vertices: impl Into<Arc<[Vector3<f64>]>>, radius: f64) -> Self {
         let vertices = vertices.into();
         let middle = vertices.iter().sum::<Vector3<f64>>() / vertices.len().max(1) as f64;
@@ -73,7 +75,7 @@ impl ContactPoint {
         Self { locus: Locus::Hull { vertices, reach }, ..Self::new(link, middle, radius) }
     }
 
-    /// The same point with the contact properties at this index.
+    /// Sets the index of the contact properties.
     pub fn on(self, surface: Option<usize>) -> Self {
         Self { surface, ..self }
     }
@@ -83,8 +85,8 @@ impl ContactPoint {
         (4.0 * self.thickness).max(0.1)
     }
 
-    /// Position in the link frame (m) when the point faces a surface of outward unit `normal`. The link's `rotation` takes vectors to the
-    /// axes of the normal.
+    /// Position in the link frame (m) when the point faces a surface of outward unit `normal`. `rotation` maps link
+    /// axes to the axes of `normal`.
     #[inline(always)]
     pub fn facing(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         match &self.locus {
@@ -93,14 +95,14 @@ impl ContactPoint {
         }
     }
 
-    /// The deepest position on its disc or hull, from which its distance to a surface is found.
+    /// The deepest position on the disc or hull, used for its distance to a surface. Arguments as in `Self::facing`.
     pub fn deepest(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
     }
 
-    /// Velocity (m/s, axes of the normal) of the point along the rim of a disc that faces `normal` while its link has angular velocity
-    /// `spin` (rad/s): `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Where the whole rim is equally deep this
-    /// velocity is unbounded; it is limited to one radian per `time` (s).
+    /// Velocity (m/s, axes of the normal) of a rim point relative to the disc's centre while the link has angular
+    /// velocity `spin` (rad/s): `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Zero for other
+    /// loci. Where the whole rim is nearly equally deep, the rate of t is limited to one radian per `time` (s).
     pub fn runs(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>, spin: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let Locus::Rim { axis, radius, turn } = &self.locus else { return Vector3::zeros() };
         let axis = rotation * axis.as_ref();
@@ -125,7 +127,7 @@ impl ContactPoint {
         }
     }
 
-    /// Positions (m, link frame) that enclose the region; for a disc, twelve on its rim.
+    /// Positions (m, link frame) that enclose the region: twelve on the rim of a disc, all vertices of a hull.
     pub fn places(&self) -> Vec<Vector3<f64>> {
         match &self.locus {
             Locus::Fixed => vec![self.local],
@@ -137,7 +139,7 @@ impl ContactPoint {
         }
     }
 
-    /// The same point on a link `factor` times as large.
+    /// The point on a link scaled by `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         let locus = match &self.locus {
             Locus::Fixed => Locus::Fixed,
@@ -151,13 +153,14 @@ impl ContactPoint {
 }
 
 impl Locus {
-    /// Whether it is fixed on the link.
+    /// Whether the point is fixed on the link.
     #[inline(always)]
     pub fn is_fixed(&self) -> bool {
         matches!(self, Self::Fixed)
     }
 
-    /// Point (link frame) that faces `normal`, given in the link frame too; on a disc its own point or, unless `own`, the deepest one.
+    /// Position (link frame) that faces `normal` (link frame). On a disc: the point at angle `turn` if `own`, else the
+    /// deepest.
     fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
         match self {
             Self::Fixed => *middle,
@@ -182,28 +185,28 @@ impl Locus {
     }
 }
 
-/// A unit vector at right angles to an axis.
+/// A unit vector perpendicular to `axis`.
 pub fn across(axis: &UnitVector3<f64>) -> Vector3<f64> {
     axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize()
 }
 
-/// Result of the collision query for one contact point; positions and normal in world axes.
+/// Result of the collision query for one contact point. Positions and normal are in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactEvent {
     /// The point on the robot (m).
     pub p0: Vector3<f64>,
     /// The nearest point of the scene (m).
     pub p1: Vector3<f64>,
-    /// Unit normal of the scene's surface at `p1`, pointing out of it.
+    /// Outward unit normal of the scene's surface at `p1`.
     pub normal: Vector3<f64>,
-    /// Signed distance `n . (p0 - p1)` (m), negative inside; infinite in an empty scene.
+    /// Signed distance `n . (p0 - p1)` (m), negative in penetration, infinite in an empty scene.
     pub distance: f64,
-    /// Index of the collider in its scene.
+    /// Index of the collider in the scene.
     pub collider: usize,
 }
 
 impl ContactEvent {
-    /// The event when no scene is within reach.
+    /// The event of a point at `p0` with nothing in reach.
     pub fn none(p0: Vector3<f64>) -> Self {
         Self { p0, p1: Vector3::zeros(), normal: Vector3::zeros(), distance: f64::INFINITY, collider: 0 }
     }

@@ -1,20 +1,20 @@
 //! Robot-centric frames, equations (1) to (8) of the paper's appendix A.1, both directions.
 //!
-//! The frame B of a state is the pose `(x, R)` of its root: the floating base, or the first moving link of a
-//! fixed-base robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are
-//! invariant already. In B, with twist `(w, v)` about the world origin:
+//! The frame B of a state is the pose `(x, R)` of its root: the floating base, or the first moving link of a fixed-base
+//! robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are invariant already. In
+//! B, with twist `(w, v)` about the world origin:
 //!
 //! ```text
 //! x_B = R^-1 (p - x)     R_B = R^-1 Q     w_B = R^-1 w     v_B = R^-1 (v - x cross w)
 //! ```
 //!
-//! With `(x, R)` taken from the state itself these are (1) to (4), `x_B = 0` and `R_B = 1`; with the frame of the
-//! token before they are (5) to (8). Differences are taken in f64 before anything is cast to f32, so moving or
-//! turning the world changes them by rounding only.
+//! With `(x, R)` taken from the state itself these are (1) to (4), `x_B = 0` and `R_B = 1`; with the frame of the token
+//! before they are (5) to (8). Differences are taken in f64 before the cast to f32, so moving the world changes them by
+//! rounding only.
 
 use crate::prelude::*;
 
-/// Velocity of a floating root in its own axes: angular (rad/s), and of its origin (m/s).
+/// Velocity of a floating root in its body axes: angular (rad/s), and of its origin (m/s).
 pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
     let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
     let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
@@ -31,27 +31,27 @@ pub struct RootFrame {
 }
 
 impl RootFrame {
-    /// The frame at a pose of the root.
+    /// The frame at `pose` of the root.
     pub fn at(pose: &Isometry3<f64>) -> Self {
         Self { origin: pose.translation.vector, rotation: pose.rotation }
     }
 
-    /// The frame of a floating robot's own state.
+    /// The frame of a floating robot's root at `state`.
     pub fn of(state: &[f64]) -> Self {
         Self { origin: vector(&state[..3]), rotation: quaternion(&state[3..7]) }
     }
 
-    /// A world point seen from B (equation 5).
+    /// A world point expressed in B (equation 5).
     pub fn point(&self, p: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_transform_vector(&(p - self.origin))
     }
 
-    /// A world direction seen from B.
+    /// A world direction expressed in B.
     pub fn direction(&self, d: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_transform_vector(d)
     }
 
-    /// Equations (1) to (8): writes the world state `state` in B to `out`, equal lengths.
+    /// Equations (1) to (8): writes the world state `state` (`[q, qd]`) expressed in B to `out`, of equal length.
     pub fn state_in(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
         out.copy_from_slice(state);
         if !robot.floating() {

@@ -11,14 +11,14 @@ pub mod velocity;
 
 pub use nalgebra;
 
-/// What most programs need.
+/// Names that most programs need.
 pub mod prelude {
     pub use crate::contact::{ContactEvent, ContactPoint, Locus};
     pub use crate::dynamics::{Axes, Data, Derivatives, NoInertia, Totals, kinematics, point_position, totals};
     pub use crate::frames::RootFrame;
     pub use crate::robot::{Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot};
     pub use crate::spatial::{BodyInertia, Motion, PointMass, SpatialInertia, Wrench};
-    pub use crate::state::{quaternion, vector, wrap, write_quaternion};
+    pub use crate::state::{quaternion, raw_quaternion, rotation_from, vector, wrap, write_quaternion};
     pub use crate::velocity::{LocalVelocity, SpatialTwist};
     pub use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 }

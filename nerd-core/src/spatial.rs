@@ -1,16 +1,15 @@
 //! Spatial (6-D) algebra in one common frame.
 //!
-//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)` with `v` the velocity of the body's material
-//! point at the frame's origin; a [`Wrench`] is `(n, f)` with `n` the moment about that origin. All vectors of one
-//! computation share one frame (world axes, origin at the root, see [`crate::dynamics`]), so no transforms between
-//! links are needed: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, in the form without Pluecker
-//! transforms.
+//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)` with `v` the velocity of the body's point at
+//! the frame's origin; a [`Wrench`] is `(n, f)` with `n` the moment about that origin. All vectors of one computation
+//! share one frame (world axes, origin at the root, see [`crate::dynamics`]), so no transforms between links are
+//! needed. Source: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, without Pluecker transforms.
 
 use std::ops::{Add, AddAssign, Mul, Sub};
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
-/// A twist or its derivative: angular part (rad/s), linear part at the origin (m/s).
+/// A twist or a spatial acceleration: angular part (rad/s), linear part at the origin (m/s).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Angular part.
@@ -29,7 +28,7 @@ pub struct Wrench {
 }
 
 impl Motion {
-    /// The k-th unit motion.
+    /// The k-th unit motion, angular axes first.
     #[inline]
     pub(crate) fn unit(k: usize) -> Self {
         let mut m = Self::default();
@@ -41,13 +40,13 @@ impl Motion {
         m
     }
 
-    /// `self x m`: rate of change of the motion `m` carried along by `self`.
+    /// `self x m`: rate of change of a motion `m` fixed in a body that moves with `self`.
     #[inline]
     pub fn cross(&self, m: &Motion) -> Motion {
         Motion::new(self.ang.cross(&m.ang), self.ang.cross(&m.lin) + self.lin.cross(&m.ang))
     }
 
-    /// `self x* f`: rate of change of the wrench `f` carried along by `self`.
+    /// `self x* f`: rate of change of a wrench `f` fixed in a body that moves with `self`.
     #[inline]
     pub fn cross_wrench(&self, f: &Wrench) -> Wrench {
         Wrench::new(self.ang.cross(&f.ang) + self.lin.cross(&f.lin), self.ang.cross(&f.lin))
@@ -59,7 +58,7 @@ impl Motion {
         self.ang.dot(&f.ang) + self.lin.dot(&f.lin)
     }
 
-    /// Velocity of the material point at `x` (from the origin).
+    /// Velocity of the material point at `x` (m, from the origin).
     #[inline]
     pub fn at(&self, x: &Vector3<f64>) -> Vector3<f64> {
         self.lin + self.ang.cross(x)
@@ -67,7 +66,7 @@ impl Motion {
 }
 
 impl Wrench {
-    /// The wrench of the force `f` acting at `x`.
+    /// The wrench of the force `f` at `x`.
     #[inline]
     pub fn force_at(f: Vector3<f64>, x: &Vector3<f64>) -> Self {
         Self::new(x.cross(&f), f)
@@ -89,7 +88,7 @@ macro_rules! linear {
                 Vector6::new(self.ang.x, self.ang.y, self.ang.z, self.lin.x, self.lin.y, self.lin.z)
             }
 
-            /// From the first six of `x`.
+            /// From the first six numbers of `x`.
             #[inline]
             pub fn from_slice(x: &[f64]) -> Self {
                 Self::new(Vector3::new(x[0], x[1], x[2]), Vector3::new(x[3], x[4], x[5]))
@@ -128,7 +127,7 @@ macro_rules! linear {
 linear!(Motion);
 linear!(Wrench);
 
-/// Inertia of a rigid body in its own link frame.
+/// Inertia of a rigid body in its link frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BodyInertia {
     /// Mass (kg).
@@ -140,7 +139,7 @@ pub struct BodyInertia {
 }
 
 impl BodyInertia {
-    /// The same body in a frame in which its own frame is at `rotation`, `translation`.
+    /// The inertia in a frame in which the present link frame has pose (`rotation`, `translation`).
     pub fn transformed(&self, rotation: &Rotation3<f64>, translation: &Vector3<f64>) -> Self {
         let r = rotation.matrix();
         Self { mass: self.mass, com: r * self.com + translation, inertia: r * self.inertia * r.transpose() }
@@ -155,17 +154,17 @@ impl BodyInertia {
     }
 }
 
-/// A mass (kg) at a place (m).
+/// A point mass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PointMass {
     /// Mass (kg).
     pub mass: f64,
-    /// Where it is (m).
+    /// Position (m).
     pub at: Vector3<f64>,
 }
 
 impl PointMass {
-    /// One point mass in place of this and another: the sum, at their centre of mass.
+    /// Merges two point masses: their sum, at their centre of mass.
     pub fn with(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         let at = if mass == 0.0 { self.at } else { (self.at * self.mass + other.at * other.mass) / mass };
@@ -173,7 +172,7 @@ impl PointMass {
     }
 }
 
-/// `m (|c|^2 1 - c c^T)`: inertia of a point mass at `c`.
+/// `m (|c|^2 1 - c c^T)`: rotational inertia of a point mass at `c`.
 #[inline]
 pub fn parallel_axis(mass: f64, c: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_diagonal_element(mass * c.norm_squared()) - c * c.transpose() * mass
@@ -191,27 +190,27 @@ pub struct SpatialInertia {
 }
 
 impl SpatialInertia {
-    /// A body whose link frame has rotation `r` and origin `x`.
+    /// Spatial inertia of a body with link frame at rotation `r` and position `x`.
     #[inline]
     pub fn of(body: &BodyInertia, r: &Matrix3<f64>, x: &Vector3<f64>) -> Self {
         let c = r * body.com + x;
         Self { mass: body.mass, moment: c * body.mass, inertia: r * body.inertia * r.transpose() + parallel_axis(body.mass, &c) }
     }
 
-    /// Momentum of the twist `m`.
+    /// Momentum `I m` of the twist `m`.
     #[inline]
     pub fn apply(&self, m: &Motion) -> Wrench {
         Wrench::new(self.inertia * m.ang + self.moment.cross(&m.lin), m.lin * self.mass - self.moment.cross(&m.ang))
     }
 
-    /// The same as a matrix, `[[I, h x], [-h x, m 1]]` with h the first moment.
+    /// The 6x6 matrix `[[I, h x], [-h x, m 1]]`, with h the first moment.
     pub fn matrix(&self) -> Matrix6<f64> {
         let h = self.moment.cross_matrix();
         blocks(&self.inertia, &h, &h.transpose(), &Matrix3::from_diagonal_element(self.mass))
     }
 }
 
-/// `[[a, b], [c, d]]`.
+/// Block matrix `[[a, b], [c, d]]`.
 pub(crate) fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
     let mut m = Matrix6::zeros();
     for (block, at) in [(a, (0, 0)), (b, (0, 3)), (c, (3, 0)), (d, (3, 3))] {

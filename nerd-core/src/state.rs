@@ -1,14 +1,16 @@
-//! Helpers over states `[q, qd]` (layout in [`crate::robot::Robot`]).
+//! Operations on states `[q, qd]` (layout in [`crate::robot::Robot`]): angle wrapping, integration and difference on
+//! the manifold.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Quaternion, UnitQuaternion, UnitVector3, Vector3};
 
 use crate::robot::Robot;
 
-/// Wraps an angle to [-pi, pi) by removing whole turns of `2.0 * PI` without rounding. NaN for an angle that is not finite. The result for
-/// an angle beyond 1e15 rad is in range, but rounding had already lost such an angle's place in its turn.
+/// Wraps an angle to [-pi, pi) by removing whole turns of `2.0 * PI` without rounding. NaN for an angle that is not
+/// finite. Beyond 1e15 rad the result is in range but meaningless: the argument's rounding exceeds a turn.
 #[inline]
 pub fn wrap(x: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
     if (-PI..PI).contains(&x) {
         return x;
     }
@@ -22,7 +24,13 @@ pub fn wrap(x: f64) -> f64 {
     }
 }
 
-/// Wraps every endless joint angle of one state in place, see [`crate::robot::Joint::wraps`].
+/// The shortest rotation of the axis `from` (x or z) onto a direction; onto the opposite one half a turn about z or x.
+pub fn rotation_from(from: &UnitVector3<f64>, to: &Vector3<f64>) -> UnitQuaternion<f64> {
+    let about = if from.x == 0.0 { Vector3::x_axis() } else { Vector3::z_axis() };
+    UnitQuaternion::rotation_between(from, to).unwrap_or_else(|| UnitQuaternion::from_axis_angle(&about, PI))
+}
+
+/// Wraps the angles of all hinges without limits in one state in place, see [`crate::robot::Joint::wraps`].
 #[inline]
 pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     for (joint, q) in robot.joints().zip(&mut state[robot.root_coords()..]) {
@@ -32,9 +40,9 @@ pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     }
 }
 
-/// Moves coordinates `q` along a tangent `v` of `nv` numbers: a velocity in the local form times one second
-/// ([`crate::dynamics::to_local`]). A floating root is rotated by a rotation vector and translated in world axes (rad, m); joints are added
-/// to. Endless angles are kept in their range.
+/// Moves coordinates `q[nq]` along a tangent `v[nv]`: a velocity in the local form times one second
+/// ([`crate::dynamics::to_local`]). A floating root rotates by a rotation vector and translates in world axes (rad, m);
+/// joints add. Angles of hinges without limits are wrapped.
 pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
     out.copy_from_slice(q);
     if robot.floating() {
@@ -46,7 +54,7 @@ pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// The shortest tangent that leads from `a` to `b`: the inverse of [`integrate`].
+/// The shortest tangent `out[nv]` from `a` to `b`: the inverse of [`integrate`].
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64], out: &mut [f64]) {
     if robot.floating() {
         let turn = (quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse()).scaled_axis();
@@ -60,19 +68,25 @@ pub fn difference(robot: &Robot, a: &[f64], b: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Reads three coordinates.
+/// The first three numbers of `x`.
 #[inline]
 pub fn vector(x: &[f64]) -> Vector3<f64> {
     Vector3::new(x[0], x[1], x[2])
 }
 
-/// Reads `x y z w` and normalises.
+/// The unit quaternion `x y z w`, normalised.
 #[inline]
 pub fn quaternion(x: &[f64]) -> UnitQuaternion<f64> {
-    UnitQuaternion::new_normalize(Quaternion::new(x[3], x[0], x[1], x[2]))
+    UnitQuaternion::new_normalize(raw_quaternion(x))
 }
 
-/// Writes `x y z w`.
+/// The quaternion `x y z w`, of any length.
+#[inline]
+pub fn raw_quaternion(x: &[f64]) -> Quaternion<f64> {
+    Quaternion::new(x[3], x[0], x[1], x[2])
+}
+
+/// Writes a quaternion as `x y z w`.
 #[inline]
 pub fn write_quaternion(out: &mut [f64], q: &UnitQuaternion<f64>) {
     out[..4].copy_from_slice(q.coords.as_slice());

@@ -1,12 +1,12 @@
-//! The tangent space of a state `[q, qd]`, in which gradients are expressed: `2 nv` numbers `[pose, velocities]`, each laid out as `qd`,
-//! angular part first. The numbers of a free root are a rotation vector (rad), a translation (m), an angular and a linear velocity of the
-//! root in **its own axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
+//! The tangent space of a state `[q, qd]`, the space of gradients: `2 nv` numbers `[pose, velocities]`, each laid out
+//! as `qd`, angular part first. A floating root has a rotation vector (rad), a translation (m), an angular and a linear
+//! velocity, all in its **body axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
 
 use nalgebra::Quaternion;
 
 use crate::{dynamics::onto, frames::own_velocity, prelude::*, state::wrap_state};
 
-/// Writes to `out` the state at `change` from `state`; to first order the inverse of [`difference`].
+/// Writes the state at tangent `change[2 nv]` from `state` to `out`; to first order the inverse of [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     out.copy_from_slice(state);
@@ -28,8 +28,8 @@ pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// Difference of state `b` from `a`: `[pose, velocities]`, each laid out as `qd`. For a free root its rotation (twice the vector part of
-/// `a^-1 b`, rad), its translation (m), and its velocities in its own axes.
+/// Tangent from state `a` to state `b`, `[2 nv]`: `[pose, velocities]`, each laid out as `qd`. For a floating root:
+/// rotation (twice the vector part of `a^-1 b`, rad), translation (m) and the difference of velocities in body axes.
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; 2 * nv];
@@ -48,49 +48,51 @@ pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Vector-Jacobian product of [`difference`] with respect to `b`, added to `slope`.
-pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], slope: &mut [f64]) {
+/// Vector-Jacobian product of [`difference`] with respect to `b`: adds the gradient for `upstream[2 nv]` to
+/// `gradient[2 nv]`.
+pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gradient: &mut [f64]) {
     let first = if robot.floating() { 6 } else { 0 };
     let nv = robot.nv();
     let plain = (first..nv).chain(nv..2 * nv);
-    plain.for_each(|k| slope[k] += upstream[k]);
+    plain.for_each(|k| gradient[k] += upstream[k]);
     if robot.floating() {
         let (from, to, (turn, sign)) = (quaternion(&a[3..7]), quaternion(&b[3..7]), turned(a, b));
         let real = (from.inverse() * to).w * sign;
         let (by_turn, by_way) = (vector(upstream), vector(&upstream[3..]));
         let parts: [Vector3<f64>; 2] = [by_turn * real + by_turn.cross(&turn) * sign, to.inverse_transform_vector(&(from * by_way))];
-        slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
+        gradient.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
     }
 }
 
-/// Adds to `slope` the tangent-space gradient that corresponds to gradients `by` with respect to the numbers `[q, qd]` of a state, with `w
-/// = R a` and `v = R b + x cross w`.
-pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], slope: &mut [f64]) {
+/// Adds to `gradient[2 nv]` the tangent-space gradient for `by`, the gradient with respect to the numbers `[q, qd]` of a
+/// state. Uses `w = R a` and `v = R b + x cross w`.
+pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {
-        slope[dofs + i] += by[coords + i];
-        slope[nv + dofs + i] += by[nq + dofs + i];
+        gradient[dofs + i] += by[coords + i];
+        gradient[nv + dofs + i] += by[nq + dofs + i];
     }
     if robot.floating() {
         let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
         let (by_w, by_v) = (vector(&by[nq..]), vector(&by[nq + 3..]));
         let [by_x, by_a, by_b] = [vector(by) + (r * a).cross(&by_v), by_w + by_v.cross(&x), by_v].map(|g| r.inverse_transform_vector(&g));
-        let twist = (r.into_inner().conjugate() * Quaternion::new(by[6], by[3], by[4], by[5])).imag() * 0.5;
+        let twist = (r.into_inner().conjugate() * raw_quaternion(&by[3..])).imag() * 0.5;
         let parts = [(0, twist + a.cross(&by_a) + b.cross(&by_b)), (3, by_x), (nv, by_a), (nv + 3, by_b)];
-        parts.iter().for_each(|(at, g)| slope[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
+        parts.iter().for_each(|(at, g)| gradient[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
     }
 }
 
-/// The inverse of [`numbers_back`]: from a gradient in the tangent space to one with respect to the numbers `[q, qd]`. Its quaternion part
-/// is the gradient of a function that does not depend on the quaternion's length.
-pub fn by_numbers(robot: &Robot, state: &[f64], slope: &[f64]) -> Vec<f64> {
+/// The inverse of [`numbers_back`]: from the tangent-space gradient `gradient[2 nv]` to the gradient with respect to the
+/// numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function independent of the
+/// quaternion's length.
+pub fn by_numbers(robot: &Robot, state: &[f64], gradient: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; nq + nv];
-    out[coords..nq].copy_from_slice(&slope[dofs..nv]);
-    out[nq + dofs..].copy_from_slice(&slope[nv + dofs..]);
+    out[coords..nq].copy_from_slice(&gradient[dofs..nv]);
+    out[nq + dofs..].copy_from_slice(&gradient[nv + dofs..]);
     if robot.floating() {
         let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
-        let [by_turn, by_way, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| vector(&slope[at..]));
+        let [by_turn, by_way, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| vector(&gradient[at..]));
         let (w, by_v) = (r * a, r * by_b);
         let twist = r.into_inner() * Quaternion::from_imag(by_turn - a.cross(&by_a) - b.cross(&by_b)) * 2.0;
         out[..3].copy_from_slice((r * by_way + by_v.cross(&w)).as_slice());
@@ -101,8 +103,8 @@ pub fn by_numbers(robot: &Robot, state: &[f64], slope: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Adds the load of a force at a contact point to the `loads` on links, about the common origin. The rim of a disc rotates about its axis;
-/// its deepest point does not.
+/// Adds a force at a contact point to the `loads[link]` about the common origin. The moment about a disc's axis is
+/// removed, since a rim point does not rotate with the link about it.
 pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vector3<f64>, loads: &mut [Wrench]) {
     loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
     if let Locus::Rim { axis, .. } = &point.locus {
@@ -112,9 +114,9 @@ pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vect
     }
 }
 
-/// Adds `J^T` times the wrenches on links (about the common origin) to the pose part of `slope`. Each wrench becomes the sum over its
-/// subtree.
-pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
+/// Adds `J^T` times `loads[link]` (wrenches about the common origin) to the pose part of `gradient[2 nv]`. On return each
+/// load is the sum over its subtree.
+pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], gradient: &mut [f64]) {
     let mut along = vec![0.0; robot.nv()];
     onto(robot, data, loads, &mut along);
     if robot.floating() {
@@ -122,10 +124,10 @@ pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &m
         let parts = [r.tr_mul(&(moment - x.cross(&force))), r.tr_mul(&force)];
         along.iter_mut().zip(parts.iter().flatten()).for_each(|(a, part)| *a = *part);
     }
-    slope.iter_mut().zip(along).for_each(|(s, a)| *s += a);
+    gradient.iter_mut().zip(along).for_each(|(s, a)| *s += a);
 }
 
-/// The vector part of `a^-1 b`, and the sign that makes it the shorter rotation.
+/// The vector part of `a^-1 b` of the root quaternions, and the sign that selects the shorter rotation.
 fn turned(a: &[f64], b: &[f64]) -> (Vector3<f64>, f64) {
     let turn = quaternion(&a[3..7]).inverse() * quaternion(&b[3..7]);
     (turn.imag(), if turn.w < 0.0 { -1.0 } else { 1.0 })

@@ -1,32 +1,34 @@
 //! The two forms of a robot's velocity, as types that cannot be confused.
 //!
-//! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics work on a [`LocalVelocity`]. They differ for a floating root alone:
+//! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics use a [`LocalVelocity`]. They differ only for a floating
+//! root:
 //!
 //! ```text
-//! SpatialTwist    (w, v, joint rates)        v = p_dot + p x w, the velocity of the root's material at the world's origin
-//! LocalVelocity   (w, p_dot, joint rates)    the velocity of the root's own origin p
+//! SpatialTwist    (w, v, joint rates)        v = p_dot + p x w, velocity of the root's material at the origin
+//! LocalVelocity   (w, p_dot, joint rates)    velocity of the root at its position p
 //! ```
 //!
-//! Both are in world axes. Either wraps whatever holds the numbers: a `Vec`, an array, a slice.
+//! Both are in world axes. `V` is any container of the `nv` numbers: a `Vec`, an array, a slice.
 
 use crate::prelude::*;
 
-/// Velocity in the form of a state: a floating root's twist about the world's origin, then the joints' rates.
+/// Velocity in the form of a state: a floating root's twist about the world's origin, then the joint velocities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialTwist<V>(pub V);
 
-/// Velocity in the form of the dynamics: a floating root's angular velocity and its origin's velocity, then the joints' rates.
+/// Velocity in the form of the dynamics: a floating root's angular velocity and its origin's velocity, then the joint
+/// velocities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalVelocity<V>(pub V);
 
 impl Robot {
-    /// Coordinates and velocity of a state `[q, qd]`.
+    /// Splits a state `[q, qd]` into coordinates and velocity.
     pub fn split<'a>(&self, state: &'a [f64]) -> (&'a [f64], SpatialTwist<&'a [f64]>) {
         let (q, qd) = state.split_at(self.nq());
         (q, SpatialTwist(qd))
     }
 
-    /// The same, to be written.
+    /// As `Self::split`, mutable.
     pub fn split_mut<'a>(&self, state: &'a mut [f64]) -> (&'a mut [f64], SpatialTwist<&'a mut [f64]>) {
         let (q, qd) = state.split_at_mut(self.nq());
         (q, SpatialTwist(qd))
@@ -55,25 +57,32 @@ impl<V: AsMut<[f64]>> LocalVelocity<V> {
         SpatialTwist(self.0)
     }
 
-    /// Adds `time` (s) of acceleration.
+    /// Adds `acceleration` (`nv` numbers) times `time` (s).
     pub fn accelerate<'a>(&mut self, acceleration: impl IntoIterator<Item = &'a f64>, time: f64) {
         self.0.as_mut().iter_mut().zip(acceleration).for_each(|(v, a)| *v += a * time);
     }
 }
 
 impl<V: AsRef<[f64]>> LocalVelocity<V> {
-    /// Advances a state by `time` (s) at this velocity, which it then has. Endless angles are not wrapped.
+    /// Advances a state `[q, qd]` by `time` (s) at this velocity and stores the velocity in it. Angles are not wrapped.
     pub fn advance(&self, robot: &Robot, state: &mut [f64], time: f64) {
         let (own, (q, qd)) = (self.0.as_ref(), state.split_at_mut(robot.nq()));
-        q[robot.root_coords()..].iter_mut().zip(&own[robot.root_dofs()..]).for_each(|(x, v)| *x += v * time);
-        if robot.floating() {
-            let place = vector(q) + vector(&own[3..6]) * time;
-            let turned = UnitQuaternion::from_scaled_axis(vector(own) * time) * quaternion(&q[3..7]);
-            q[..3].copy_from_slice(place.as_slice());
-            write_quaternion(&mut q[3..7], &turned);
-        }
+        drift(robot, q, own, time);
         qd.copy_from_slice(own);
         to_world(robot, q, qd);
+    }
+}
+
+/// Advances the coordinates `q` by `time` (s) at constant local velocities `qd`.
+#[doc(hidden)]
+#[inline]
+pub fn drift(robot: &Robot, q: &mut [f64], qd: &[f64], time: f64) {
+    q[robot.root_coords()..].iter_mut().zip(&qd[robot.root_dofs()..]).for_each(|(x, v)| *x += v * time);
+    if robot.floating() {
+        let place = vector(q) + vector(&qd[3..6]) * time;
+        let turned = UnitQuaternion::from_scaled_axis(vector(qd) * time) * quaternion(&q[3..7]);
+        q[..3].copy_from_slice(place.as_slice());
+        write_quaternion(&mut q[3..7], &turned);
     }
 }
 
@@ -91,7 +100,7 @@ pub fn to_world(robot: &Robot, q: &[f64], qd: &mut [f64]) {
     move_twist(robot, &-root_position(robot, q), qd);
 }
 
-/// A floating root's twist about an origin that is `by` (m) from the present one: `v += w x by`.
+/// Moves the reference point of a floating root's twist by `by` (m): `v += w x by`.
 #[doc(hidden)]
 #[inline]
 pub fn move_twist(robot: &Robot, by: &Vector3<f64>, qd: &mut [f64]) {
@@ -101,7 +110,7 @@ pub fn move_twist(robot: &Robot, by: &Vector3<f64>, qd: &mut [f64]) {
     }
 }
 
-/// Where the root is in the world (m).
+/// World position of the root (m).
 #[inline]
 pub fn root_position(robot: &Robot, q: &[f64]) -> Vector3<f64> {
     match robot.base {

@@ -1,8 +1,8 @@
-//! States: the two forms of a velocity, robot-centric frames, angles, contact quantities.
+//! States: the two forms of a velocity, robot-centric frames, angles, contact thresholds.
 //!
-//! Bounds: a state at distance L from the origin holds positions to 1e-16 L and the twist's linear part
-//! (p_dot + p x w) to 1e-16 L |w|; a frame cannot give back what those roundings took. Hence 1e-14 at 1 m,
-//! 1e-9 at 100 km, each a few tens of roundings. Contact thresholds and angles are exact by definition.
+//! Tolerances: at distance L from the origin a state rounds positions by 1e-16 L, and the twist's linear part (p_dot +
+//! p x w) by 1e-16 L |w|; a frame cannot restore digits lost to this rounding. Hence 1e-14 at 1 m, 1e-9 at 100 km, a
+//! few tens of roundings each. Contact thresholds and angles are exact by definition.
 
 mod common;
 
@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 use common::*;
 use nerd_core::state::wrap_state;
 
-/// The root's material at the world's origin moves with the twist, the root's own origin with the local velocity.
+/// The root's material at the world's origin moves at the spatial twist, the root's origin at the local velocity.
 #[test]
 fn the_two_forms_of_a_velocity_are_one_motion() {
     for (robot, mut rng) in robots() {
@@ -34,7 +34,7 @@ fn the_two_forms_of_a_velocity_are_one_motion() {
     }
 }
 
-/// The same motion seen from a world moved by `by`.
+/// The state in a world moved by `by`.
 fn carried(robot: &Robot, x: &[f64], by: &Isometry3<f64>) -> Vec<f64> {
     let (q, twist) = robot.split(x);
     let (mut q, mut qd) = (q.to_vec(), twist.to_local(robot, q));
@@ -61,7 +61,7 @@ fn in_its_own_frame_the_root_is_at_zero_and_moves_by_turned_velocities() {
         let (q, qd) = state(&mut rng, &robot);
         let x = whole(&robot, &q, &qd);
         if robot.floating() {
-            // (1) to (4), the last as R^T p_dot; joints as they were.
+            // (1) to (4), the last as R^T p_dot; joints unchanged.
             let back = quaternion(&x[3..7]).inverse();
             let (w, v) = (back * vector(&qd.0), back * vector(&qd.0[3..]));
             let own = [&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], &q[7..], w.as_slice(), v.as_slice(), &qd.0[6..]].concat();
@@ -83,7 +83,8 @@ fn moving_and_turning_the_world_changes_nothing() {
         for (robot, mut rng) in robots().filter(|(r, _)| r.floating()) {
             let (q, qd) = state(&mut rng, &robot);
             let before = whole(&robot, &q, &qd);
-            // The next state, a frame of 1/60 s later, is seen from the frame of the one before: (5) to (8).
+            // The next state, a frame of 1/60 s later, is expressed in the root frame of the previous state: (5) to
+            // (8).
             let after = whole(&robot, &moved(&robot, &q, &qd, 1.0 / 60.0), &qd);
             let yaw = UnitQuaternion::from_scaled_axis(vector3(&mut rng, 3.0));
             let by = Isometry3::from_parts(Vector3::new(distance, -distance, distance).into(), yaw);
@@ -97,7 +98,7 @@ fn moving_and_turning_the_world_changes_nothing() {
     }
 }
 
-/// A joint whose frame is changed moves like a joint created with that frame.
+/// A joint with a changed frame equals a joint created with that frame.
 #[test]
 fn a_joint_that_is_changed_is_the_joint_made_so() {
     for (robot, mut rng) in robots() {
@@ -113,7 +114,7 @@ fn a_joint_that_is_changed_is_the_joint_made_so() {
     }
 }
 
-/// UR arms have limits of two turns either way: a position beyond half a turn is kept.
+/// UR arms have limits of two turns either way: positions beyond half a turn are kept.
 #[test]
 fn joints_with_limits_never_wrap() {
     let wide = Some(Limit { lower: -6.3, upper: 6.3, stiffness: 1e3, damping: 1.0 });
@@ -154,7 +155,7 @@ fn wrapped_angles_lie_in_one_turn_and_mean_the_same() {
         assert!((-PI..PI).contains(&wrap(x)), "wrap({x:e}) = {}", wrap(x));
     }
     for turns in -1000..1000 {
-        // Within three floats of an odd multiple of pi rounding decides.
+        // Within three floats of an odd multiple of pi, rounding decides.
         let centre = PI * f64::from(2 * turns + 1);
         let seam = (-3..=3).map(|ulps| f64::from_bits((centre.to_bits() as i64 + ulps) as u64));
         for x in seam.chain([-0.9, -0.3, 0.2, 0.7].map(|part| centre + PI * part)) {

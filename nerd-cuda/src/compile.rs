@@ -1,4 +1,4 @@
-//! Kernels from text.
+//! Compiles CUDA source to PTX at run time (NVRTC), with a cache per process.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex};
@@ -7,24 +7,25 @@ use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
 use crate::error::DeviceError;
 
-/// PTX of a source for a compute capability. Each pair is compiled once per process.
+/// PTX of `source` for a compute capability (major, minor). Each pair is compiled once per process.
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
     type Cache = Mutex<HashMap<((i32, i32), String), Arc<Mutex<Option<Ptx>>>>>;
     static CACHE: LazyLock<Cache> = LazyLock::new(Cache::default);
     let entry = CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
-    // Locked during compilation, so that threads which want the same source wait for it.
+    // Held during compilation, so that other threads with the same source wait for the result.
     let mut own = entry.lock().unwrap_or_else(|lost| lost.into_inner());
     if let Some(ptx) = &*own {
         return Ok(ptx.clone());
     }
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
-    // Lambdas cannot be marked `__device__`: NVRTC 13.0 takes them for host code, which it refuses; 13.5 does not.
+    // NVRTC 13.0 takes lambdas for host code and refuses them, and they cannot be marked `__device__`. NVRTC 13.5
+    // accepts them.
     let options = CompileOptions { options: vec![architecture, "--device-as-default-execution-space".into()], ..Default::default() };
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
     Ok(own.insert(ptx).clone())
 }
 
-/// Why a source does not compile: its failed assertions, or else the compiler's output.
+/// The reason for a compilation failure: the text of a failed static assertion, or else the compiler's output.
 fn refusal(output: &str) -> String {
     let asserted = output.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
     asserted.map_or_else(|| format!("kernels do not compile: {output}"), str::to_string)

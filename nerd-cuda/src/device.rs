@@ -1,4 +1,4 @@
-//! One GPU: context, two streams, compiled kernels.
+//! One GPU: context, two streams and compiled kernels.
 
 use std::{cell::RefCell, collections::HashMap, sync::Arc, thread::JoinHandle};
 
@@ -10,22 +10,22 @@ use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
 use crate::{compile::compiled, precision::Precision};
 
-/// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
+/// Workspace of cuBLAS per stream (bytes). A fixed size keeps its choice of algorithms the same.
 const WORKSPACE: usize = 32 << 20;
 
-/// Shared bytes that a kernel may use without opting in.
+/// Dynamic shared memory (bytes) that a kernel may use without an opt-in.
 const UNASKED: usize = 48 << 10;
 
-/// Which of the two streams.
+/// One of the two streams of a device.
 #[derive(Clone, Copy)]
 pub enum Lane {
-    /// The main stream, for all other work.
+    /// The main stream, the default for all work.
     Main,
-    /// A second stream, concurrent with it.
+    /// The second stream, concurrent with the main stream.
     Side,
 }
 
-/// Blocks of a grid or threads of a block, along x and y.
+/// Extent of a grid (in blocks) or of a block (in threads), along x and y.
 pub type Extent = (usize, usize);
 
 /// A kernel argument.
@@ -35,7 +35,7 @@ pub enum Arg {
     Ptr(u64),
     /// A 32-bit integer.
     Int(usize),
-    /// A 64-bit one.
+    /// A 64-bit integer.
     Long(u64),
     /// f32.
     Float(f32),
@@ -45,11 +45,11 @@ pub enum Arg {
 
 struct Queue {
     stream: Arc<CudaStream>,
-    /// cuBLAS with its workspace, for a device that multiplies matrices.
+    /// cuBLAS with its workspace; absent until [`Device::with_products`].
     blas: Option<(CudaBlas, Buffer<u8>)>,
 }
 
-/// A device with the kernels of one text.
+/// A GPU with the kernels compiled for it.
 pub struct Device {
     context: Arc<CudaContext>,
     kernels: HashMap<&'static str, CudaFunction>,
@@ -57,7 +57,7 @@ pub struct Device {
     pub(crate) precision: Precision,
 }
 
-/// A source being compiled. Dropping it waits for the end, since no process may exit within the compiler.
+/// A compilation on another thread. Dropping it waits for the end: the process must not exit inside the compiler.
 pub struct Foreseen(Option<JoinHandle<bool>>);
 
 impl Drop for Foreseen {
@@ -67,11 +67,13 @@ impl Drop for Foreseen {
 }
 
 impl Device {
-    /// Opens the first visible GPU (`CUDA_VISIBLE_DEVICES` selects it), and compiles `source`. It cannot multiply matrices yet:
+    /// Opens the first visible GPU (`CUDA_VISIBLE_DEVICES` selects it) and compiles `source`. Matrix products need
     /// [`Device::with_products`].
     pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
-        // cudarc panics when a library is absent, so look first.
+        // cudarc panics on a missing library, so check for it first.
+        // SAFETY: looks for the library by name and loads it.
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
+        // SAFETY: as above.
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
         let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
         let queue = || context.new_stream().map(|stream| Queue { stream, blas: None }).map_err(failed("stream"));
@@ -81,7 +83,7 @@ impl Device {
         Ok(device)
     }
 
-    /// Compiles another text and adds its kernels, which have names of their own.
+    /// Compiles another source and adds its kernels. Their names must differ from the names already loaded.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let ptx = compiled(source, self.capability()?)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
@@ -91,30 +93,33 @@ impl Device {
         Ok(())
     }
 
-    /// Starts to compile, on another thread, a source with which a device like this will soon be opened. Opening it reports any failure.
+    /// Starts to compile `source` on another thread, for a device that will soon be opened with it. Failures show at
+    /// opening.
     pub fn foresee(&self, source: &str) -> Result<Foreseen, DeviceError> {
         let (capability, source) = (self.capability()?, source.to_string());
         Ok(Foreseen(std::thread::Builder::new().spawn(move || compiled(&source, capability).is_ok()).ok()))
     }
 
-    /// Its compute capability, major and minor.
+    /// Compute capability of the GPU: major, minor.
     pub fn capability(&self) -> Result<(i32, i32), DeviceError> {
         self.context.compute_capability().map_err(failed("compute capability"))
     }
 
-    /// Bytes that the threads of a block can share.
+    /// Largest shared memory of a block, with opt-in (bytes).
     pub fn shared(&self) -> Result<usize, DeviceError> {
         let most = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_BLOCK_OPTIN;
         Ok(self.context.attribute(most).map_err(failed("shared memory"))? as usize)
     }
 
-    /// The same device, with cuBLAS.
+    /// Adds cuBLAS to both streams, with the arithmetic of `precision`.
     pub fn with_products(mut self, precision: Precision) -> Result<Self, DeviceError> {
+        // SAFETY: looks for the library by name and loads it.
         present("cuBLAS (libcublas)", unsafe { blas::is_culib_present() })?;
         let mut queues = [Lane::Main, Lane::Side].map(|lane| Queue { stream: self.stream(lane), blas: None });
         for queue in &mut queues {
             let blas = CudaBlas::new(queue.stream.clone()).map_err(failed("cuBLAS"))?;
             let workspace = allocate::<u8>(&self.context, WORKSPACE)?;
+            // SAFETY: the workspace has this many bytes, and the queue keeps it as long as the handle.
             unsafe { blas::cublasSetWorkspace_v2(*blas.handle(), workspace.ptr as *mut _, WORKSPACE) }
                 .result()
                 .map_err(failed("cuBLAS workspace"))?;
@@ -124,8 +129,8 @@ impl Device {
         Ok(self)
     }
 
-    /// Gives all further work to the streams of another device, in the order of those streams. The other device is on the same GPU and
-    /// multiplies matrices if this one does.
+    /// Moves all further work to the streams of `other`, main to main and side to side. Both devices must be on the
+    /// same GPU. If `self` uses matrix products, `other` must have cuBLAS too.
     pub fn join(&self, other: &Self) -> Result<(), DeviceError> {
         self.wait()?;
         let theirs = other.queues.borrow().clone();
@@ -138,73 +143,76 @@ impl Device {
         allocate(&self.context, len)
     }
 
-    /// Memory holding `values`.
+    /// Allocates memory and copies `values` there.
     pub fn upload<T: Copy>(&self, values: &[T]) -> Result<Buffer<T>, DeviceError> {
         let buffer = self.zeros(values.len())?;
         self.write(&buffer, values)?;
         Ok(buffer)
     }
 
-    /// Copies `values` to the start of `buffer`, after the work before it.
+    /// Copies `values` to the start of `buffer`, after all queued work.
     pub fn write<T: Copy>(&self, buffer: &Buffer<T>, values: &[T]) -> Result<(), DeviceError> {
         self.write_at(buffer, 0, values)
     }
 
-    /// Copies `values` to `buffer` from entry `first` on, after the work before it.
+    /// Copies `values` to `buffer` from entry `first` on, after all queued work.
     pub fn write_at<T: Copy>(&self, buffer: &Buffer<T>, first: usize, values: &[T]) -> Result<(), DeviceError> {
         check_fit(buffer, first + values.len())?;
         if values.is_empty() {
             return Ok(());
         }
         self.wait()?;
-        // In stream order, and completed: a direct copy from pageable memory may return before all of it is there.
+        // A direct copy from pageable memory may return before it is complete, so copy in stream order and synchronise.
         let stream = self.stream(Lane::Main);
         self.bind()?;
+        // SAFETY: the values fit into the buffer (`check_fit`), and the stream is synchronised before they may be dropped.
         unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }.map_err(failed("copy to the device"))?;
         stream.synchronize().map_err(failed("copy to the device"))
     }
 
-    /// Copies the start of `buffer` to `values`, after the work before it.
+    /// Copies the start of `buffer` to `values`, after all queued work.
     pub fn read<T: Copy>(&self, buffer: &Buffer<T>, values: &mut [T]) -> Result<(), DeviceError> {
         check_fit(buffer, values.len())?;
         self.wait()?;
+        // SAFETY: the buffer holds at least as many values (`check_fit`) of a type without padding or pointers.
         unsafe { driver::result::memcpy_dtoh_sync(values, buffer.ptr) }.map_err(failed("copy from the device"))
     }
 
-    /// All values of `buffer`, after the work before it.
+    /// Copies all values of `buffer` to the host, after all queued work.
     pub fn download<T: Copy + Default>(&self, buffer: &Buffer<T>) -> Result<Vec<T>, DeviceError> {
         let mut values = vec![T::default(); buffer.len];
         self.read(buffer, &mut values)?;
         Ok(values)
     }
 
-    /// Sets one 32-bit word in stream order, without waiting.
+    /// Sets the 32-bit word at address `at`, in order of the main stream, without waiting.
     pub fn set_word(&self, at: u64, bits: u32) -> Result<(), DeviceError> {
         self.bind()?;
+        // SAFETY: the caller passes the address of a word of a living buffer.
         unsafe { sys::cuMemsetD32Async(at, bits, 1, self.stream(Lane::Main).cu_stream()) }.result().map_err(failed("memset"))
     }
 
-    /// Waits for all work.
+    /// Blocks until both streams are done.
     pub fn wait(&self) -> Result<(), DeviceError> {
         self.queues.borrow().iter().try_for_each(|q| q.stream.synchronize()).map_err(failed("the device stopped"))
     }
 
-    /// An event for [`Device::mark`] and [`Device::after`].
+    /// A new event for [`Device::mark`] and [`Device::after`].
     pub fn event(&self) -> Result<CudaEvent, DeviceError> {
         self.context.new_event(None).map_err(failed("event"))
     }
 
-    /// Marks the work given to `lane` until now.
+    /// Records `event` behind the work queued on `lane` so far.
     pub fn mark(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
         event.record(&self.stream(lane)).map_err(failed("event"))
     }
 
-    /// Makes `lane` wait for the work that `event` marks.
+    /// Makes `lane` wait for `event`.
     pub fn after(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
         self.stream(lane).wait(event).map_err(failed("event"))
     }
 
-    /// Records the work that `work` gives to the streams as one graph.
+    /// Captures the work that `work` queues as one graph.
     pub(crate) fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<CudaGraph, E> {
         let stream = self.stream(Lane::Main);
         stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
@@ -214,15 +222,15 @@ impl Device {
         graph?.ok_or_else(|| DeviceError("graph capture gave nothing".into()).into())
     }
 
-    /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.
+    /// Launches a kernel on the main stream, with `shared` bytes of dynamic shared memory.
     pub fn launch(&self, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.launch_on(Lane::Main, kernel, grid, block, shared, args)
     }
 
-    /// Launches a kernel on `lane`.
+    /// Launches a kernel on `lane`, with `shared` bytes of dynamic shared memory.
     pub fn launch_on(&self, lane: Lane, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         let function = self.kernels.get(kernel).ok_or_else(|| DeviceError(format!("no kernel `{kernel}`")))?;
-        // Little endian: a 32-bit argument is the low half of its slot.
+        // Little endian: a 32-bit argument is the low half of its 64-bit slot.
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();
         let mut pointers: Vec<_> = slots.iter_mut().map(|s| (s as *mut u64).cast()).collect();
         let (grid, block) = ((grid.0 as u32, grid.1 as u32, 1), (block.0 as u32, block.1 as u32, 1));
@@ -231,6 +239,8 @@ impl Device {
             let most = sys::CUfunction_attribute::CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES;
             function.set_attribute(most, shared as i32).map_err(failed("shared memory"))?;
         }
+        // SAFETY: `pointers` point into `slots`, which lives through the call; the caller passes the kernel's own
+        // arguments, in order, with addresses of living buffers.
         unsafe {
             driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
         }
@@ -250,14 +260,14 @@ impl Device {
         self.queues.borrow()[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)
     }
 
-    /// Whether work given to the main stream is being captured instead of run.
+    /// Whether the main stream is capturing work into a graph.
     pub(crate) fn captures(&self) -> Result<bool, DeviceError> {
         let status = self.stream(Lane::Main).capture_status().map_err(failed("graph capture"))?;
         Ok(status != sys::CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE)
     }
 }
 
-/// Refuses to go on without a library.
+/// An error if a library was not found.
 fn present(name: &str, found: bool) -> Result<(), DeviceError> {
     let missing = || DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"));
     found.then_some(()).ok_or_else(missing)

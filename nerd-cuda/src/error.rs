@@ -1,6 +1,6 @@
-//! Errors of a device.
+//! Errors of the CUDA driver and its libraries.
 
-/// One line with the error of a device or its libraries.
+/// An error of a device or its libraries, in one line.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("device: {0}")]
 pub struct DeviceError(pub String);

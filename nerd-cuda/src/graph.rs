@@ -1,4 +1,4 @@
-//! Work that is recorded once and then launched as a whole.
+//! CUDA graphs: work captured once, then launched as a whole.
 
 use std::cell::RefCell;
 
@@ -7,16 +7,17 @@ use cudarc::driver::CudaGraph;
 use crate::device::{Device, Lane};
 use crate::error::{DeviceError, failed};
 
-/// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. The memory it reads and
-/// writes must stay in place as long as its key is the same. Within the capture of other work it becomes part of that graph.
+/// Runs work kernel by kernel at the first call and captures it; from the second call on, launches the graph. For one
+/// key, the memory that the work reads and writes must stay in place. Inside another capture, the work joins that
+/// graph.
 pub struct Replay<K = ()> {
-    /// Key, stream on which the graph is launched, graph.
+    /// Key, stream at capture, graph; oldest first.
     graphs: RefCell<Vec<(K, usize, CudaGraph)>>,
     most: usize,
 }
 
-// SAFETY: the driver forbids using a graph from two threads at once, but allows another thread at another time. This type is not `Sync`, so
-// one thread has it at a time; launching binds the context to the calling thread.
+// SAFETY: the driver lets threads use a graph one after the other, but not at once. This type is not `Sync`, and a
+// launch binds the context to the calling thread.
 unsafe impl<K: Send> Send for Replay<K> {}
 
 impl<K> Default for Replay<K> {
@@ -26,14 +27,14 @@ impl<K> Default for Replay<K> {
 }
 
 impl<K> Replay<K> {
-    /// Keeps the graphs of the last `most` keys.
+    /// Keeps the last `most` graphs captured.
     pub fn keeping(most: usize) -> Self {
         Self { graphs: RefCell::default(), most }
     }
 }
 
 impl<K: PartialEq> Replay<K> {
-    /// Runs `work`, which must be the same for the same `key`; `what` names it in an error.
+    /// Runs `work`, which must be the same for equal keys. `what` names the work in errors.
     pub fn run<E: From<DeviceError>>(
         &self,
         device: &Device,
@@ -48,7 +49,7 @@ impl<K: PartialEq> Replay<K> {
         if let Some((.., graph)) = self.graphs.borrow().iter().find(|(made_for, on, _)| *made_for == key && *on == stream) {
             return Ok(graph.launch().map_err(failed(what))?);
         }
-        // Once outside of a capture, so that libraries finish their lazy loading.
+        // Run once without capture, so that libraries finish their lazy loading.
         work()?;
         device.wait()?;
         let graph = device.capture(work)?;

@@ -1,4 +1,4 @@
-//! Memory of a device.
+//! Device memory.
 
 use std::{marker::PhantomData, sync::Arc};
 
@@ -6,11 +6,11 @@ use cudarc::driver::{self, CudaContext};
 
 use crate::error::{DeviceError, failed};
 
-/// Device memory of `len` values, freed on drop.
+/// Device memory for `len` values, freed on drop.
 pub struct Buffer<T> {
-    /// Its address on the device.
+    /// Address on the device.
     pub ptr: u64,
-    /// Values.
+    /// Number of values.
     pub len: usize,
     context: Arc<CudaContext>,
     kind: PhantomData<T>,
@@ -18,8 +18,9 @@ pub struct Buffer<T> {
 
 impl<T> Drop for Buffer<T> {
     fn drop(&mut self) {
-        // Binding also reports earlier failures, which must not prevent freeing.
+        // Binding also reports earlier failures, but the memory is freed regardless.
         let bound = self.context.bind_to_thread();
+        // SAFETY: `ptr` came from `malloc_sync`, and a buffer is dropped once.
         let freed = unsafe { driver::result::free_sync(self.ptr) };
         self.context.record_err(bound.and(freed));
     }
@@ -36,8 +37,10 @@ impl<T> Buffer<T> {
 pub(crate) fn allocate<T>(context: &Arc<CudaContext>, len: usize) -> Result<Buffer<T>, DeviceError> {
     let bytes = (len * size_of::<T>()).max(1);
     context.bind_to_thread().map_err(failed("context"))?;
+    // SAFETY: the context is bound to this thread.
     let ptr = unsafe { driver::result::malloc_sync(bytes) }.map_err(|e| DeviceError(format!("allocating {} MiB: {e:?}", bytes >> 20)))?;
     let buffer = Buffer { ptr, len, context: context.clone(), kind: PhantomData };
+    // SAFETY: the allocation has `bytes` bytes.
     unsafe { driver::result::memset_d8_sync(ptr, 0, bytes) }.map_err(failed("memset"))?;
     context.synchronize().map_err(failed("memset"))?;
     Ok(buffer)

@@ -1,14 +1,14 @@
-//! Arithmetic of products.
+//! Arithmetic of matrix products.
 
-/// Arithmetic of products; everything is stored and summed in f32.
+/// Arithmetic of matrix products. Storage and sums are f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Precision {
     /// f32 throughout.
     F32,
-    /// Operands rounded to f16 (10-bit mantissa) where one fused kernel evaluates the network and f16 holds its large matrices; f32
-    /// elsewhere.
+    /// Operands in f16 (10-bit mantissa) where a fused kernel evaluates the network and its large matrices fit in f16;
+    /// f32 elsewhere.
     F16,
-    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
+    /// Operands rounded to TF32 (10-bit mantissa) on tensor cores.
     #[default]
     Tf32,
 }

@@ -1,4 +1,4 @@
-//! Products of matrices, by cuBLAS.
+//! Matrix products by cuBLAS.
 
 use cudarc::cublas::{self, sys as blas};
 
@@ -8,25 +8,26 @@ use crate::{error::DeviceError, precision::Precision};
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]
 pub enum Op {
-    /// As it is.
+    /// Used as stored.
     Plain,
     /// Transposed.
     Transposed,
 }
 
-/// Shapes of a batch of equal products: `c = op(a) op(b)` with `c` of `m x n`, inner size `k`.
+/// Shapes of a batch of equal products `c = op(a) op(b)`, with `c` of `m x n` and inner size `k`.
 #[derive(Clone, Copy)]
 pub struct Batch {
-    /// Of both operands.
+    /// `op` of `a` and of `b`.
     pub ops: (Op, Op),
     /// `m`, `n`, `k`.
     pub size: (usize, usize, usize),
-    /// How many.
+    /// Number of products.
     pub count: usize,
 }
 
 impl Device {
-    /// Column-major `c = op(a) op(b) + beta c` with `c` of `m x n` and inner size `k`; leading dimensions `ld`.
+    /// Column-major `c = op(a) op(b) + beta c`, with `c` of `m x n` and inner size `k`. Operands are (address, leading
+    /// dimension).
     #[allow(clippy::too_many_arguments)]
     pub fn product(
         &self,
@@ -39,6 +40,8 @@ impl Device {
         c: (u64, usize),
     ) -> Result<(), DeviceError> {
         let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
+        // SAFETY: the caller passes addresses of device memory of these sizes; `alpha` and `beta` live on the host, and
+        // cuBLAS reads them before it returns.
         unsafe {
             cublas::result::gemm_ex(
                 self.blas(lane)?,
@@ -65,7 +68,8 @@ impl Device {
         .map_err(|e| DeviceError(format!("matrix product {m} x {n} x {k}: {e:?}")))
     }
 
-    /// Column-major products of a batch; each operand is (address, leading dimension, distance to the next).
+    /// A batch of column-major products `c = op(a) op(b)`. Operands are (address, leading dimension, stride), in
+    /// values.
     pub fn products(
         &self,
         lane: Lane,
@@ -76,6 +80,7 @@ impl Device {
     ) -> Result<(), DeviceError> {
         let (alpha, beta, f32_type) = (1.0f32, 0.0f32, blas::cudaDataType::CUDA_R_32F);
         let (m, n, k) = batch.size;
+        // SAFETY: as in `product`, for every matrix of the batch at its stride.
         unsafe {
             blas::cublasGemmStridedBatchedEx(
                 self.blas(lane)?,

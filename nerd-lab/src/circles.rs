@@ -1,7 +1,7 @@
-//! Circles of imports within a crate, between files and folders, from the words of its sources.
+//! Finds import cycles within a crate, between files and between folders, from the tokens of its sources.
 //!
-//! A file leads to each file that defines something it names; re-exports are followed but lead nowhere themselves, and tests are left out. A
-//! use counts between the two names at which the files' paths part: two files of a folder, or folders.
+//! An edge leads from a file to each file that defines a name it uses. Re-exports are followed and add no edge; tests
+//! are left out. An edge counts between the first path components that differ: two files of a folder, or two folders.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,32 +11,32 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 use crate::report::below;
 
-/// Re-exports that are followed at most.
+/// Most re-exports followed for one name.
 const DEEP: usize = 20;
 /// Keywords before the name of an item that a module defines.
 const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
 
-/// A file as a module, or a module in a file. A name may mean several things: a module and a function, say.
+/// A module: a file or an inline `mod`. A name may mean several things, such as a module and a function.
 #[derive(Default)]
 struct Module {
     file: PathBuf,
     parent: usize,
     children: BTreeMap<String, usize>,
     defined: BTreeSet<String>,
-    /// Names, `*` for all of a module's, and the paths that they stand for.
+    /// Imported names (`*` for a glob) and their paths.
     imports: Vec<(String, Vec<String>)>,
-    /// Paths that its code names, by line.
+    /// Paths used by the code, with their lines.
     used: BTreeSet<(usize, Vec<String>)>,
 }
 
-/// What a path leads to: a module, or something that it defines.
+/// Target of a path: a module, or an item that the module defines.
 #[derive(Clone, Copy)]
 enum Target {
     Module(usize),
     In(usize),
 }
 
-/// One line for each step of a circle in a workspace's crates.
+/// One line for each edge of an import cycle, over all crates of a workspace.
 pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).with_context(|| format!("no Cargo.toml in {}", root.display()))?;
     let manifest: toml::Table = toml::from_str(&manifest)?;
@@ -48,7 +48,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
-/// One line for each step of a circle in the sources of a crate.
+/// One line for each edge of an import cycle in a crate's sources.
 fn of_crate(src: &Path) -> Result<Vec<String>> {
     let modules = read(src)?;
     let mut graph = Graph::new();
@@ -71,7 +71,7 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
     Ok(circling(graph).into_iter().flat_map(|(from, all)| all.into_iter().map(move |to| line(&from, to))).collect())
 }
 
-/// The modules of all files; the root is the first.
+/// Modules of all files; the root is the first.
 fn read(src: &Path) -> Result<Vec<Module>> {
     let mut modules = vec![Module::default()];
     for path in below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
@@ -87,7 +87,7 @@ fn read(src: &Path) -> Result<Vec<Module>> {
     Ok(modules)
 }
 
-/// The module of this name in another.
+/// The child module with this name, added if missing.
 fn child(modules: &mut Vec<Module>, above: usize, name: &str) -> usize {
     let (new, file) = (modules.len(), modules[above].file.clone());
     let id = *modules[above].children.entry(name.into()).or_insert(new);
@@ -97,7 +97,7 @@ fn child(modules: &mut Vec<Module>, above: usize, name: &str) -> usize {
     id
 }
 
-/// What a module's tokens define, import and use; those at its `top`, or within something of it.
+/// Records the items, imports and uses in a module's tokens; `top` is false inside an item.
 fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
     let word = |k: usize| if let Some(TokenTree::Ident(name)) = tokens.get(k) { name.to_string() } else { String::new() };
     let mark = |k: usize, mark: char| matches!(tokens.get(k), Some(TokenTree::Punct(found)) if found.as_char() == mark);
@@ -110,12 +110,12 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
     while k < tokens.len() {
         let (name, line) = (word(k), tokens[k].span().start().line);
         if mark(k, '#') && within(k + 1, Delimiter::Bracket).is_some_and(|attribute| of_tests(&attribute)) {
-            // To the end of its braces or its semicolon.
+            // Skips to the end of the braces or to the semicolon.
             while k < tokens.len() && !mark(k, ';') && within(k, Delimiter::Brace).is_none() {
                 k += 1;
             }
         } else if name == "use" {
-            // A public one is no use.
+            // A re-export is not a use.
             let private = k == 0 || word(k - 1) != "pub" && within(k - 1, Delimiter::Parenthesis).is_none();
             let first = k + 1;
             while !mark(k, ';') && k < tokens.len() {
@@ -132,12 +132,13 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
         } else if let TokenTree::Group(group) = &tokens[k] {
             scan(modules, id, &group.stream().into_iter().collect::<Vec<_>>(), false);
         } else if !name.is_empty() {
-            // Not of `&'static Name` and `*const Name`.
+            // Excludes `&'static Name` and `*const Name`.
             let defines = k == 0 || !mark(k - 1, '\'') && !mark(k - 1, '*');
             if top && defines && DEFINE.contains(&&*name) {
                 modules[id].defined.insert(word(k + 1));
             }
-            // What follows a dot or two colons is part of something else; a small name alone is a variable, unless it is called.
+            // A name after a dot or two colons belongs to another path; a lowercase name alone is a variable unless it
+            // is called.
             let inside = k > 0 && (mark(k - 1, '.') || k > 1 && path_sign(k - 2));
             let mut path = vec![name];
             while path_sign(k + 1) && !word(k + 3).is_empty() {
@@ -153,7 +154,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
     }
 }
 
-/// Whether an attribute says that an item is for tests alone.
+/// Whether an attribute marks an item as test code.
 fn of_tests(attribute: &[TokenTree]) -> bool {
     match attribute {
         [TokenTree::Ident(name)] => name == "test",
@@ -162,7 +163,7 @@ fn of_tests(attribute: &[TokenTree]) -> bool {
     }
 }
 
-/// The names of a `use`, below a path, with their lines and what they stand for.
+/// Line, name and path of each import in a `use`, below the path `above`.
 fn imported(tokens: &[TokenTree], above: &[String]) -> Vec<(usize, String, Vec<String>)> {
     let one = |tokens: &[TokenTree]| {
         let (mut path, line) = (above.to_vec(), tokens[0].span().start().line);
@@ -193,7 +194,7 @@ fn resolve(modules: &[Module], from: usize, path: &[String], deep: usize) -> Vec
         let step = |target| match target {
             Target::Module(id) if name == "super" => vec![Target::Module(modules[id].parent)],
             Target::Module(id) => lookup(modules, id, name, deep),
-            // A variant or an associated function: its type's home.
+            // A variant or an associated function belongs to its type's module.
             Target::In(id) => vec![Target::In(id)],
         };
         targets = targets.into_iter().flat_map(step).collect();
@@ -207,7 +208,7 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
     let mut targets: Vec<Target> = child.into_iter().chain(own).collect();
     for (known, path) in &module.imports {
-        // Names of another crate are nobody's here.
+        // Globs of other crates are not followed.
         let own = ["crate", "self", "super"].contains(&&*path[0]) || module.children.contains_key(&path[0]);
         if known == name {
             targets.extend(resolve(modules, id, path, deep + 1));
@@ -222,16 +223,16 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     targets
 }
 
-/// The names at which two paths part.
+/// The first components at which two paths differ.
 fn parted(from: &Path, to: &Path) -> [String; 2] {
     let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
     [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
 }
 
-/// Edges from a name to names, each with its uses.
+/// Edges by source and target, each with its uses.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
-/// What is left once names that nothing leads to, or that lead nowhere, are gone: steps of circles, and ways between them.
+/// Removes nodes without incoming or outgoing edges until none is left: cycles and paths between them remain.
 fn circling(mut graph: Graph) -> Graph {
     loop {
         let before = graph.values().map(BTreeMap::len).sum::<usize>();
@@ -249,7 +250,7 @@ fn circling(mut graph: Graph) -> Graph {
 mod tests {
     use super::*;
 
-    /// A crate with the files given, each with its path and text; the lines of its circles.
+    /// Lines of the cycles in a crate with these files (path, text).
     fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
         let folder = tempfile::tempdir().expect("a folder");
         for (path, text) in files {
@@ -265,7 +266,7 @@ mod tests {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
         let body = ("body/mod.rs", "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n");
         let deep = ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n");
-        // Through the re-export at the root, inside a macro.
+        // Used through the re-export at the root, inside a macro.
         let name = ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let found = circles_of(&[lib, body, deep, name]);
         assert_eq!(

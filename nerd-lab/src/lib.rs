@@ -1,13 +1,13 @@
 #![doc = include_str!("../README.md")]
-// Nobody outside this repository calls it, and every error is one line for whoever gave the command.
+// No public API: nothing outside this repository calls it, and every error is one line for the user.
 #![allow(missing_docs, clippy::missing_errors_doc)]
 
 #[macro_use(tell)]
 extern crate nerd_train;
 
 pub mod campaign;
-pub mod choice;
 pub mod circles;
+pub mod describe;
 pub mod error;
 pub mod experiments;
 pub mod live;

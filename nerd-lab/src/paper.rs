@@ -1,14 +1,14 @@
-//! Published figures, for the column beside ours. Source: paper, appendix Table A.2 (double pendulum, 2048 starts, 100
-//! steps, mean joint-angle error in rad); Cartpole (1000 steps) and Ant (500 steps: root position in m, orientation in rad,
-//! joints in rad) as reported from the main text; rewards of policies likewise.
+//! Published figures, for comparison. Source: paper, appendix Table A.2 (double pendulum, 2048 starts, 100 steps, mean
+//! joint-angle error in rad). Cartpole (1000 steps), Ant (500 steps: root position in m, orientation in rad, joints in
+//! rad) and policy rewards are from the main text.
 
-/// The robot that a robot `NAME-paper` is like.
+/// A robot's name without the suffix `-paper`.
 fn plain(robot: &str) -> &str {
     robot.strip_suffix("-paper").unwrap_or(robot)
 }
 
-/// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` where nothing is published. They are of the
-/// reference simulator, so they are compared with errors from preset `paper` only.
+/// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` if nothing is published. They are
+/// of the reference simulator, so only errors of the preset `paper` compare with them.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (plain(robot), scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),
@@ -25,8 +25,8 @@ pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     pair.map(Vec::from)
 }
 
-/// Published mean reward of a game under policies trained in the learned simulator (three seeds, 2048 games each): in the truth
-/// and in the learned simulator.
+/// Published mean episode rewards of policies trained in the learned simulator (three seeds, 2048 episodes each): in
+/// the truth, and in the learned simulator.
 pub fn policy_reward(task: &str) -> Option<[f64; 2]> {
     Some(match task {
         "cartpole-swingup" => [1212.5, 1212.6],

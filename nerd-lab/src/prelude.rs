@@ -1,4 +1,4 @@
-//! What most files of the laboratory use.
+//! Common imports of nerd-lab.
 
 pub(crate) use std::collections::BTreeMap;
 pub(crate) use std::path::{Path, PathBuf};
@@ -6,11 +6,11 @@ pub(crate) use std::time::{Duration, Instant};
 
 pub(crate) use anyhow::{Context, Error, Result, bail};
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
-pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 pub(crate) use nerd_train::progress::{self, bar};
+pub(crate) use nerd_train::spec::SolverSpec;
 pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean, stats::percentile};
 pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
 

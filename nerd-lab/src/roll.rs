@@ -1,8 +1,8 @@
-//! Batches that begin by a robot's laws, and roll out without torques.
+//! Batches from a robot's start distributions, and rollouts without torques.
 
 use crate::prelude::*;
 
-/// `n` environments, each from a start drawn from its own stream of the seed.
+/// `n` environments, each with a start drawn from its own stream of the seed.
 pub fn begun(system: &Arc<System>, scene: &Arc<Scene>, n: usize, law: Start, seed: u64) -> Batch {
     let mut batch = Batch::new(system, scene, n);
     (0..n).for_each(|env| batch.reset(env, &start(system, law, &mut stream(seed, env as u64))));
@@ -13,7 +13,7 @@ pub fn idle(batch: &Batch) -> Vec<f64> {
     vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }
 
-/// Why a solver cannot step a robot in a scene at all; a state that it gives up is no such reason.
+/// Why a solver cannot step a robot in a scene at all; `None` if it can, or if it only gives up this state.
 pub fn refusal(solver: &mut dyn Solver, system: &Arc<System>, scene: &Arc<Scene>) -> Option<String> {
     let mut batch = Batch::new(system, scene, 1);
     let torques = idle(&batch);

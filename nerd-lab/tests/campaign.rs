@@ -1,4 +1,4 @@
-//! Hostile input in this process; the verb `campaign` does the same, for longer.
+//! Hostile input files, tried in this process; the verb `fuzz` does the same, for longer.
 
 use nerd_lab::campaign::{Campaign, Kind};
 
@@ -11,9 +11,14 @@ fn changed_files_of_every_kind_are_refused_or_read() {
     assert!(found.faults.is_empty(), "{} faults: {}", found.faults.len(), found.lines(campaign.seed).join("\n"));
     for (kind, [refused, accepted, _]) in found.counts {
         let least = (refused + accepted) / 50;
-        assert!(refused > 0 && accepted > least, "{}: {refused} refused, {accepted} accepted: it tries nothing", kind.name());
+        // Randomly drawn robots of kind `Energy` are valid, so none needs to be refused.
+        assert!(
+            (refused > 0 || kind == Kind::Energy) && accepted > least,
+            "{}: {refused} refused, {accepted} accepted: it tries nothing",
+            kind.name()
+        );
     }
-    // The same numbers make the same files, and other seeds others.
+    // The same seed and case number give the same file, another seed another file.
     let make = |seed| Kind::Mjcf.make(seed, 7).expect("a case");
     assert_eq!(make(1), make(1));
     assert_ne!(make(1), make(2));

@@ -1,4 +1,4 @@
-//! What a replay shows.
+//! Shapes and distances that a replay page shows.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use nerd_sim::prelude::*;
 use nerd_train::replay::{Replay, Solid};
 
 const SCENE: &str = "[[scene]]\nname = \"own\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n\
-    box = [{ size = [0.4, 0.8, 0.1], at = [0.5, 0.0, 0.05] }]\npeg = [{ radius = 0.02, height = 0.1, at = [0.5, 0.1, 0.1] }]";
+    box = [{ size = [0.4, 0.8, 0.1], position = [0.5, 0.0, 0.05] }]\npeg = [{ radius = 0.02, height = 0.1, position = [0.5, 0.1, 0.1] }]";
 
 fn cable(held: &str) -> Batch {
     let cable = format!("[cable]\nlength = 0.7\ndiameter = 0.01\nmass = 0.1\nbending = 1e-3\nlinks = 7\nheld = \"{held}\"\n{SCENE}");
@@ -47,7 +47,7 @@ fn motions_are_as_far_apart_as_their_contact_points() {
 #[test]
 fn a_robot_is_shown_by_its_own_shapes() {
     let folder = tempfile::tempdir().expect("a folder");
-    // A prism of 0.4 x 0.2 x 0.1 m about (0.1, 0, 0), twice its size.
+    // A prism of 0.4 x 0.2 x 0.1 m about (0.1, 0, 0), written at twice its size.
     let corner = |k: usize| format!("v {} {} {}\n", [-0.2, 0.6][k & 1], [-0.2, 0.2][k >> 1 & 1], [-0.1, 0.1][k >> 2]);
     std::fs::write(folder.path().join("prism.obj"), (0..8).map(corner).collect::<String>()).expect("written");
     let inertial = r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;

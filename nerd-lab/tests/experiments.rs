@@ -1,4 +1,4 @@
-//! Experiments on the smallest settings: what they measure, what they refuse, and what becomes of their results.
+//! Experiments on the smallest settings: measurements, refusals, and results on disk.
 
 use std::path::Path;
 
@@ -8,13 +8,14 @@ use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworth
 use nerd_lab::experiments::{Experiment, conduct, family::Family, policies};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, Inputs, Table, write_json};
-use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games};
-use nerd_model::{base::Base, pick::Setting, transformer::Storage};
+use nerd_lab::{experiments::chart::Chart, experiments::games::games};
+use nerd_model::{base::Base, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
 use nerd_train::settings::Settings;
+use nerd_train::spec::SolverSpec;
 
 #[path = "../../nerd-model/tests/common/mod.rs"]
 mod models;
@@ -36,11 +37,11 @@ fn settings<T: Settings>(set: &[&str]) -> anyhow::Result<T> {
     T::default().with(&set.iter().map(one).collect::<anyhow::Result<_>>()?).map_err(anyhow::Error::msg)
 }
 
-/// The truth beside itself, over a few frames.
+/// The truth compared with itself, over a few frames.
 fn truth(change: impl Fn(&mut Protocol)) -> Case {
-    let solver = Choice::Articulated(ArticulatedConfig::accurate(&System::named("pendulum").expect("built in")));
+    let solver = SolverSpec::default();
     let mut asked = Protocol::default();
-    (asked.scene, asked.starts, asked.frames) = (vec!["ground1".into()], 2, Some(4));
+    (asked.scene, asked.trajectories, asked.frames) = (vec!["ground1".into()], 2, Some(4));
     change(&mut asked);
     Case { robot: "pendulum".into(), solver, truth: None, asked }
 }
@@ -48,11 +49,12 @@ fn truth(change: impl Fn(&mut Protocol)) -> Case {
 #[test]
 fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let shaken = |starts| Passive::new("shaken", &[truth(|asked| (asked.shake, asked.starts) = (0.01, starts))]).expect("asked");
+    let shaken =
+        |starts| Passive::new("shaken", &[truth(|asked| (asked.velocity_noise, asked.trajectories) = (0.01, starts))]).expect("asked");
     let written = conduct(&shaken(3), folder.path()).expect("written");
     let refused = refusal(conduct(&shaken(2), folder.path()));
     assert!(
-        refused.contains("shaken") && refused.contains("of 12 games or rollout frames, this run has 8; ask for as many (--games"),
+        refused.contains("shaken") && refused.contains("of 12 episodes or rollout frames, this run has 8; ask for as many (--episodes"),
         "{refused}"
     );
     conduct(&shaken(3), folder.path()).expect("as much is enough");
@@ -63,7 +65,7 @@ fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it
     assert!(folder.path().join("shaken/README.md").exists(), "its tables are beside it");
 }
 
-/// Weights of zero: the model is its base alone. It may ship once both errors beside its own are five times as large.
+/// With weights 0 the model is its base alone. A model may ship once base and linear map both err five times as much.
 #[test]
 fn a_model_that_adds_nothing_is_not_shipped() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -75,7 +77,7 @@ fn a_model_that_adds_nothing_is_not_shipped() {
     let manifest = Manifest { artefact: vec![made] };
     let lines = || unworthy(&manifest, &results, &all).expect("readable");
     assert!(lines().len() == 1 && lines()[0].contains("no result has a verdict"), "{:?}", lines());
-    let case = Case { solver: Choice::model(&mine), ..truth(|asked| asked.frames = Some(20)) };
+    let case = Case { solver: SolverSpec::neural(&mine), ..truth(|asked| asked.frames = Some(20)) };
     conduct(&Passive::new("passive", &[case]).expect("asked"), &results).expect("measured");
     assert!(lines().len() == 1 && lines()[0].contains("(constant velocity) errs 1.00 times"), "{:?}", lines());
     let mut result = Artifact::read(&results, "passive").expect("a result");
@@ -122,10 +124,11 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
 fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     let mut settings = Calibration::default();
     settings.log = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/cube.log.toml")];
-    (settings.solvers, settings.splits, settings.frames, settings.every) = (vec!["articulated".into()], 3, 40, 16);
-    (settings.evaluations, settings.trials) = (60, 24);
+    (settings.solver, settings.splits, settings.frames, settings.every) = (vec!["articulated".into()], 3, 40, 16);
+    (settings.evaluations, settings.rollouts) = (60, 24);
     settings.parameters = vec!["com.z".into(), "damping".into(), "lag".into()];
-    // Models beside: one that adds nothing to the state, one of random weights that remembers, and one of another robot.
+    // Models beside: one that adds nothing to the state, one of random weights that remembers, and one of another
+    // robot.
     let (folder, cubes) = (tempfile::tempdir().expect("a folder"), System::named("cube-family").expect("built in"));
     let save = |name: &str, model: nerd_model::folder::Model| {
         let path = folder.path().join(name);
@@ -134,15 +137,15 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     };
     let mut still = models::model(&cubes, Base::State);
     still.weights.flat.fill(0.0);
-    // No turn, as a quaternion.
+    // The identity quaternion: no rotation.
     still.normalizer.outputs.mean[6] = 1.0;
     let other = save("other", models::model(&System::named("pendulum").expect("built in"), Base::State));
-    settings.models = vec![other];
+    settings.model = vec![other];
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("of another robot than the log"), "{reason}");
     let mut remembers = models::placed(&cubes, Base::State, nerd_model::transformer::Positions::Rotary);
     remembers.normalizer.outputs = nerd_model::normalizer::Moments { variance: vec![1e-8; 13], ..still.normalizer.outputs.clone() };
-    settings.models = vec![save("still", still), save("remembers", remembers)];
+    settings.model = vec![save("still", still), save("remembers", remembers)];
     let measured = settings.measure().expect("a calibration");
     let found: CalibratedAll = serde_json::from_value(measured.data.into()).expect("its data");
     let splits = &found.fitted[0].splits;
@@ -164,31 +167,31 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     }
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
     assert!(
-        ["no motion", "articulated implicit x4, calibrated", "com.z (m)", "still, shown none"].iter().all(|word| text.contains(word)),
+        ["no motion", "articulated(substeps=4), calibrated", "com.z (m)", "still, shown none"].iter().all(|word| text.contains(word)),
         "{text}"
     );
 }
 
-/// Five runs of a real double pendulum, whose encoders are set to zero by hand.
+/// Five runs of a real double pendulum, with encoder zeros set by hand.
 #[test]
 fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     let mut settings = Calibration::default();
     settings.log = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/double-pendulum.log.toml")];
     let names = |all: &[&str]| all.iter().map(|name| name.to_string()).collect::<Vec<_>>();
-    settings.own = names(&["zero:shoulder", "zero:elbow"]);
+    settings.per_trajectory = names(&["zero:shoulder", "zero:elbow"]);
     let reason = refusal(settings.measure().map(drop));
-    assert!(reason.contains("--own, --held and --before belong together"), "{reason}");
+    assert!(reason.contains("--per-trajectory, --regularized and --context-frames belong together"), "{reason}");
     settings.parameters =
         names(&["com.z:upper", "com.z:lower", "inertia:upper", "joint-friction:shoulder", "joint-friction:elbow", "delay"]);
-    settings.held = names(&["joint-friction:elbow", "strength:elbow"]);
-    (settings.before, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
+    settings.regularized = names(&["joint-friction:elbow", "strength:elbow"]);
+    (settings.context_frames, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("too few folds"), "{reason}");
-    settings.solvers = vec!["rapier".into()];
+    settings.solver = vec!["rapier".into()];
     let reason = refusal(settings.measure().map(drop));
-    assert!(reason.contains("--solvers says nothing"), "{reason}");
-    settings.solvers = Calibration::default().solvers;
-    (settings.splits, settings.every, settings.evaluations, settings.trials) = (3, 30, 400, 60);
+    assert!(reason.contains("--solver says nothing"), "{reason}");
+    settings.solver = Calibration::default().solver;
+    (settings.splits, settings.every, settings.evaluations, settings.rollouts) = (3, 30, 400, 60);
     let measured = settings.measure().expect("a calibration");
     let found: Runs = serde_json::from_value(measured.data.into()).expect("its data");
     let mut ids: Vec<u64> = found.judged.iter().map(|run| run.id).collect();
@@ -203,7 +206,7 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     assert!(text.contains("calibrated, with its own zero:shoulder, zero:elbow") && text.contains("held near what all share"), "{text}");
 }
 
-/// rapier has no dry friction: it is left out, and what races goes on.
+/// rapier has no dry friction: it is left out, and the other solvers go on.
 #[test]
 fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -212,7 +215,7 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
         ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics friction="0.05"/></joint></robot>"#;
     file("dry.urdf", urdf);
     let mut chart = Chart::default();
-    (chart.robot, chart.starts, chart.frames, chart.substeps) = (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
+    (chart.robot, chart.trajectories, chart.frames, chart.max_substeps) = (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
     chart.about().expect("a chart");
     let measured = chart.measure().expect("a chart");
     let series: Vec<_> = measured.tables[0].rows.iter().map(|row| row[0].clone()).collect();
@@ -230,18 +233,18 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     file("dry.csv", &(1..9).flat_map(|n| (0..12).map(move |k| row(n, k))).fold("n,t,q,v\n".into(), |all: String, row| all + &row));
     let mut settings = Calibration::default();
     settings.log = vec![folder.path().join("dry.log.toml")];
-    (settings.splits, settings.frames, settings.every, settings.evaluations, settings.trials) = (1, 6, 3, 40, 8);
+    (settings.splits, settings.frames, settings.every, settings.evaluations, settings.rollouts) = (1, 6, 3, 40, 8);
     let found = settings.all().expect("a calibration");
     let solvers: Vec<_> = found.fitted.iter().map(|fitted| &fitted.solver[..]).collect();
-    assert_eq!(solvers, ["articulated implicit x4"]);
-    settings.solvers = vec!["rapier".into()];
+    assert_eq!(solvers, ["articulated(substeps=4)"]);
+    settings.solver = vec!["rapier".into()];
     let reason = refusal(settings.all());
     assert!(reason.contains("`j` has dry friction"), "{reason}");
 }
 
 fn motions(robot: &str) -> Motions {
     let mut asked = Motions::default();
-    (asked.robot, asked.starts, asked.frames, asked.substeps) = (robot.into(), 2, 12, 2);
+    (asked.robot, asked.trajectories, asked.frames, asked.max_substeps) = (robot.into(), 2, 12, 2);
     asked
 }
 
@@ -282,16 +285,23 @@ fn the_truths_own_settings_judge_as_the_truth_does() {
     for task in ["ant-run", "cartpole-swingup"] {
         let (_, _, policy) = policy(task);
         let rewards = |arena: &Arena| games(task, arena, &policy, 3, 5).expect("played").iter().map(|g| g.reward).collect::<Vec<_>>();
-        let truth = rewards(&Arena::Truth(Truth::Articulated));
-        assert_eq!(rewards(&Arena::Judge(Setting::Accurate)), truth, "{task}: preset accurate is the truth");
-        assert_ne!(rewards(&Arena::Judge(Setting::Paper)), truth, "{task}: the reference's preset is another judge");
+        let truth = rewards(&Arena::Solver(SolverSpec::default()));
+        assert_eq!(
+            rewards(&Arena::Solver(SolverSpec::implicit(
+                System::named(nerd_tasks::named(task).expect("a task").robot()).expect("built in").spec.substeps
+            ))),
+            truth,
+            "{task}: preset accurate is the truth"
+        );
+        assert_ne!(rewards(&Arena::from(Truth::Paper)), truth, "{task}: the reference's preset is another judge");
     }
 }
 
-/// Of a family: who is told errs less than who goes by the files, a model that learned nothing has its rows, and what makes no sense is refused.
+/// On a family, a solver with the drawn parameters errs less than a solver with the file's, and senseless settings are
+/// refused.
 #[test]
 fn a_family_is_compared_by_the_frames_seen() {
-    let small = ["robots=6", "frames=12", "seen=0,3,40", "evaluations=300"];
+    let small = ["trajectories=6", "frames=12", "context-frames=0,3,40", "evaluations=300"];
     let measured = settings::<Family>(&small).and_then(|family| family.measure()).expect("measured");
     let table = &measured.tables[0];
     let error = |row: usize, seen: usize| table.rows[row][1 + seen].split(' ').next().and_then(|x| x.parse::<f64>().ok());
@@ -299,19 +309,22 @@ fn a_family_is_compared_by_the_frames_seen() {
     assert_eq!(names.len(), 4, "{names:?}");
     let at = |row: usize| error(row, 2).expect("a number");
     assert!(at(2) < 0.7 * at(1) && at(1) < at(0), "told {}, described {}, still {}", at(2), at(1), at(0));
-    // What remembers nothing has seen nothing; what is calibrated on nothing is not there.
+    // A solver without memory does not depend on the frames seen. Without any frame there is no calibrated solver.
     assert_eq!(error(0, 0), error(0, 2));
     assert!(error(3, 0).is_none() && at(3) < at(1), "calibrated {}, described {}", at(3), at(1));
     assert_eq!(measured.figures.len(), 1);
-    for (set, why) in [("robot=pendulum", "give its TOML a [vary]"), ("seen=-1", "whole numbers"), ("models=out/nothing", "out/nothing")] {
-        let said =
-            settings::<Family>(&[set, "robots=2", "frames=2", "seen=1", "evaluations=0"]).and_then(|family| family.measure().map(|_| ()));
+    for (set, why) in
+        [("robot=pendulum", "give its TOML a [vary]"), ("context-frames=-1", "whole numbers"), ("model=out/nothing", "out/nothing")]
+    {
+        let said = settings::<Family>(&[set, "trajectories=2", "frames=2", "context-frames=1", "evaluations=0"])
+            .and_then(|family| family.measure().map(|_| ()));
         let said = said.expect_err(set).to_string();
         assert!(said.contains(why), "{set}: {said}");
     }
 }
 
-/// Two tasks, and two policies of one of them in folders that are called alike: no column is there twice, and none has what is of another.
+/// Two tasks, and two policies of one task in folders of the same name. Each policy has one column, with its terms
+/// alone.
 #[test]
 fn terms_of_rewards_have_a_column_by_policy() {
     let row = |task: &str, policy: &str, term: f64| -> policies::Row {
@@ -353,20 +366,21 @@ fn json_has_numbers_where_a_column_holds_nothing_else() {
     assert_eq!(table.json(), rows);
 }
 
-/// On robots of a family a policy is said to fall where its games are over before their time, and no model plays.
+/// On robots of a family a policy counts as fallen if an episode ends early, and no model plays.
 #[test]
 fn a_policy_is_played_on_robots_of_a_family() {
     let policy = format!("policy={}/../models/policies/ant-run-articulated-0", env!("CARGO_MANIFEST_DIR"));
-    let measured = settings::<policies::Policies>(&[&policy, "games=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
+    let measured =
+        settings::<policies::Policies>(&[&policy, "episodes=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
     let (row, header) = (&measured.tables[0].rows[0], &measured.tables[0].header);
     let cell = |name: &str| header.iter().position(|h| h == name).map_or("", |k| &row[k]);
-    assert!(cell("robots") == "articulated accurate of ant-family" && cell("in NeRD") == "-", "{row:?}");
+    assert!(cell("robots") == "articulated of ant-family" && cell("in NeRD") == "-", "{row:?}");
     let (fell, length) = (cell("fell (%)").parse::<f64>().expect("a share"), &measured.data["rows"][0]["real"]["length"]);
     assert_eq!(fell == 0.0, length.as_f64() == Some(500.0), "{fell} % fell, {length} steps");
     for (set, why) in
-        [(&["family=pendulum-family"][..], "no family of `ant`"), (&["family=ant-family", "fresh=7"], "policy train --family")]
+        [(&["family=pendulum-family"][..], "no family of `ant`"), (&["family=ant-family", "fresh-seeds=7"], "policy train --family")]
     {
-        let all = [&[&policy[..], "games=2"], set].concat();
+        let all = [&[&policy[..], "episodes=2"], set].concat();
         let said = settings::<policies::Policies>(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
         assert!(said.contains(why), "{set:?}: {said}");
     }

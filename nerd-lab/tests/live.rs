@@ -1,15 +1,15 @@
-//! The live page: what a visitor asks is done, whatever else visitors send.
+//! The live page answers every visitor's requests, whatever other visitors send.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use nerd_lab::live::{Act, Ask, Live, MOST, Menu, World};
-use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
+use nerd_train::spec::SolverSpec;
 
 /// A robot over its ground, held in its pose.
-fn over_ground(robot: &str, settings: Vec<Setting>) -> World {
+fn over_ground(robot: &str, settings: Vec<SolverSpec>) -> World {
     let system = System::named(robot).expect("built in");
     let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
     batch.reset(0, &system.default_state());
@@ -19,12 +19,12 @@ fn over_ground(robot: &str, settings: Vec<Setting>) -> World {
 
 /// A limp Ant under the truth and two cheaper solvers.
 fn ant() -> World {
-    let mut world = over_ground("ant", vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)]);
+    let mut world = over_ground("ant", vec![SolverSpec::default(), SolverSpec::implicit(1), SolverSpec::rapier(4)]);
     world.answer(Ask::Hold(false));
     world
 }
 
-/// Its address, and the host of that.
+/// The server, its address and its host.
 fn served(world: World) -> (Live, String, String) {
     let live = Live::serve(world, 0).expect("a port");
     let address = live.address();
@@ -32,12 +32,12 @@ fn served(world: World) -> (Live, String, String) {
     (live, address, host)
 }
 
-/// The frame that an answer tells of.
+/// The frame number in an answer.
 fn frame(text: &str) -> Option<u64> {
     text.split("\"frame\":").nth(1)?.split(',').next()?.parse().ok()
 }
 
-/// Steps, and where the robot's root is.
+/// Steps `n` times; returns the position of the robot's root.
 fn steps(world: &mut World, n: usize) -> [f32; 3] {
     (0..n).for_each(|_| world.step());
     let shown = world.shown();
@@ -55,7 +55,7 @@ fn a_swap_keeps_the_state_and_the_ghost_goes_its_own_way() {
     assert_eq!(before, after, "a swap moves the robot");
     assert_eq!(world.shown().apart, Some(0.0), "a ghost begins where the robot is");
     steps(&mut world, 30);
-    // How far, the page's own test compares with `evaluate`.
+    // The page's own test compares the distance with `evaluate`.
     let apart = world.shown().apart.expect("a ghost");
     assert!(apart > 1e-6 && apart < 0.1, "the ghost is {apart} away");
 }
@@ -71,8 +71,8 @@ fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
         let target = Vector3::from(lies.map(f64::from)) + up;
         world.answer(Ask::Drag(0, [0.0; 3], target.into()));
         let held = height(steps(&mut world, 180));
-        // A spring whose stiffness is 60 times the mass gives by g / 60 under the weight: 0.164 m. It pulls once a frame, after which the robot rises at
-        // g dt at most before it sinks again, and the damper takes that for motion.
+        // A spring with 60 times the mass as stiffness gives by g / 60 = 0.164 m under the weight. It pulls once a
+        // frame. The robot then rises at up to g dt before it sinks again, and the damper counts that as motion.
         let (sag, dt) = (1.0 - (held - height(lies)), 1.0 / 60.0);
         let law = 9.81 / 60.0;
         let most = law * (1.0 + (2.0 * 60f64.sqrt() + 60.0 * dt) * dt);
@@ -123,7 +123,7 @@ fn what_cannot_be_asked_is_refused_in_a_line() {
 fn send(address: &str, text: &str) -> String {
     let mut stream = TcpStream::connect(address.trim_start_matches("http://")).expect("a connection");
     stream.set_read_timeout(Some(Duration::from_secs(2))).expect("a limit");
-    // A server may hang up on nonsense before all of it is written.
+    // A server may hang up on nonsense before the last byte is written.
     let _ = stream.write_all(text.as_bytes());
     let mut answer = Vec::new();
     let _ = stream.read_to_end(&mut answer);
@@ -164,7 +164,7 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
     for nonsense in ["", "\0\0\0\0", "GET / HTTP/9.9\r\n\r\n", "POST /ask HTTP/1.1\r\nContent-Length: -1\r\n\r\n"] {
         send(&address, nonsense);
     }
-    // More bodies that never come than there are threads.
+    // More unfinished bodies than there are threads.
     let begun: Vec<_> = (0..20)
         .map(|k| {
             let mut stream = TcpStream::connect(&host).expect("a connection");
@@ -174,7 +174,7 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
             stream
         })
         .collect();
-    // Those who connect, ask and are gone; those who connect and say nothing.
+    // Clients that connect, ask and leave; clients that connect and say nothing.
     let mute: Vec<_> = (0..50).map(|_| TcpStream::connect(&host).expect("a connection")).collect();
     for _ in 0..50 {
         let mut stream = TcpStream::connect(&host).expect("a connection");
@@ -212,7 +212,7 @@ fn a_world_slower_than_time_still_hears() {
     let system = System::named("ant").expect("built in");
     let batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1024);
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let (_live, address, host) = served(World::new("many", Act::Alone(simulation), vec![Setting::Implicit(64)]).expect("a solver"));
+    let (_live, address, host) = served(World::new("many", Act::Alone(simulation), vec![SolverSpec::implicit(64)]).expect("a solver"));
     post(&address, "application/json", r#"{"do":"pause","to":true}"#);
     let began = Instant::now();
     while !get(&address, "/state", &host).contains("\"paused\":true") {
@@ -223,7 +223,7 @@ fn a_world_slower_than_time_still_hears() {
 #[test]
 fn a_friction_that_was_changed_keeps_no_model_away() {
     let model = nerd_train::shipped::model(Truth::Articulated, "ant");
-    let mut world = if model.exists() { over_ground("ant", vec![Setting::Accurate, Setting::Neural(model)]) } else { ant() };
+    let mut world = if model.exists() { over_ground("ant", vec![SolverSpec::default(), SolverSpec::neural(model)]) } else { ant() };
     world.answer(Ask::Friction(0.1));
     world.answer(Ask::Solver(1));
     steps(&mut world, 5);
@@ -231,10 +231,10 @@ fn a_friction_that_was_changed_keeps_no_model_away() {
     steps(&mut world, 5);
 }
 
-/// The end link of a leg is some hundredth of the robot: an explicit hand as strong as the robot is heavy throws it about.
+/// A leg's end link has about a hundredth of the robot's mass. An explicit hand as strong as the weight would throw it.
 #[test]
 fn a_hand_at_a_toe_is_stable() {
-    let mut world = over_ground("anymal", vec![Setting::Accurate]);
+    let mut world = over_ground("anymal", vec![SolverSpec::default()]);
     let system = world.system.clone();
     let toe = system.robot.contact_points.last().expect("feet").clone();
     world.answer(Ask::Ghost(true));
@@ -254,7 +254,7 @@ fn substeps_are_those_of_the_solver_that_moves() {
     world.answer(Ask::Solver(1));
     world.answer(Ask::Substeps(8));
     let shown = world.shown();
-    assert_eq!((shown.name.as_str(), shown.substeps), ("articulated implicit x8", Some(8)));
+    assert_eq!((shown.name.as_str(), shown.substeps), ("articulated(substeps=8)", Some(8)));
     let by_hand = steps(&mut over_ground_limp(8), 40);
     assert_eq!(steps(&mut world, 40), by_hand, "eight substeps move as eight");
     assert_ne!(by_hand, steps(&mut over_ground_limp(1), 40), "and one otherwise");
@@ -266,7 +266,7 @@ fn substeps_are_those_of_the_solver_that_moves() {
 }
 
 fn over_ground_limp(substeps: usize) -> World {
-    let mut world = over_ground("ant", vec![Setting::Implicit(substeps)]);
+    let mut world = over_ground("ant", vec![SolverSpec::implicit(substeps)]);
     world.answer(Ask::Hold(false));
     world
 }
@@ -306,13 +306,14 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     assert_eq!(world.shown().apart, Some(0.0), "the first of {MOST} under the truth is where its ghost is");
 }
 
-/// As many as fill what a process may open, silent ones and such as say half of something: who comes then is answered, and who comes after.
+/// As many connections as a process may open, silent ones and ones that send half a request. A visitor is answered
+/// among them and after them.
 #[test]
 fn a_page_answers_beside_more_connections_than_it_bears() {
     let (_live, address, host) = served(ant());
     let mut all = Vec::new();
     for k in 0..1500 {
-        // This process may open no more than that either.
+        // This process has the same limit on connections.
         let Ok(mut stream) = TcpStream::connect(&host) else { break };
         if k % 3 == 0 {
             let _ = stream.write_all(b"POST /ask HTTP/1.1\r\nHost: ");
@@ -322,7 +323,7 @@ fn a_page_answers_beside_more_connections_than_it_bears() {
             assert!(frame(&get(&address, "/state", &host)).is_some(), "beside {k} connections nobody is answered");
         }
     }
-    // Room for one's own.
+    // Room for this test's own connections.
     all.truncate(all.len() - 10);
     let ask = || frame(&get(&address, "/state", &host));
     let begun = Instant::now();

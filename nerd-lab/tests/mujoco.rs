@@ -1,5 +1,5 @@
-//! The model written for MuJoCo holds all of the robot; states come back as they went; and where there is a MuJoCo
-//! (`NERD_MUJOCO`, the path of a Python that has it), it moves as ours does.
+//! The model written for MuJoCo holds all of the robot, and states survive conversion. With a MuJoCo (`NERD_MUJOCO`,
+//! the path of a Python that has it) the model moves as ours does.
 
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,7 @@ use nerd_sim::{mjcf::mjcf, prelude::*};
 use nerd_tasks::named;
 use nerd_train::onnx::export;
 use nerd_train::ppo::{Arena, Policy, PolicyRun, PpoConfig, Shape};
+use nerd_train::spec::SolverSpec;
 
 /// A robot and one of its scenes.
 fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {
@@ -33,7 +34,7 @@ fn python() -> Option<PathBuf> {
 
 #[test]
 fn every_body_joint_and_mass_is_there() {
-    // The cube is one box, the others a ball a contact point; where there is nothing to touch, there are no shapes.
+    // The cube is one box, the others are a ball for each contact point. Without colliders there are no shapes.
     for (robot, scene, planes, shapes) in
         [("pendulum", "ground1", 1, 4), ("ant", "ground", 1, 25), ("cube", "ground", 1, 1), ("ant", "free", 0, 0)]
     {
@@ -58,7 +59,7 @@ fn every_body_joint_and_mass_is_there() {
     }
 }
 
-/// MuJoCo refuses a range of nothing, a ball of radius 0 and a body called `world`, which a URDF may have.
+/// MuJoCo refuses an empty range, a ball of radius 0 and a body called `world`, which a URDF may have.
 #[test]
 fn what_mujoco_refuses_is_written_as_it_takes_it() {
     let urdf = r#"<robot name="r"><link name="a"/><link name="world"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -89,7 +90,7 @@ fn states_come_back_as_they_went() {
             assert!(gap < 1e-13, "{robot}: {gap:.1e}");
         }
     }
-    // A root at (1, 0, 0) that turns with 2 rad/s about the world's z and stands still, its body turned a quarter about x.
+    // A root at (1, 0, 0), at rest but for 2 rad/s about the world's z, with its body rotated a quarter about x.
     let system = System::named("cube").expect("built in");
     let half = 0.5f64.sqrt();
     let ours = [1.0, 0.0, 0.0, half, 0.0, 0.0, half, 0.0, 0.0, 2.0, 0.0, -2.0, 0.0];
@@ -98,9 +99,9 @@ fn states_come_back_as_they_went() {
     assert!(theirs.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{theirs:?}");
 }
 
-/// Passive, contact-free, a second of RK4 at fine steps: the same robot, or it would not come to the same place. Limits
-/// without their damping, with which ours may pull and MuJoCo's not; to 1e-4 of their force they are the same springs,
-/// and a second has several bounces.
+/// Passive motion without contact, a second of RK4 at fine steps, ends in the same place. Limits have no damping, since
+/// ours may pull and MuJoCo's may not. To 1e-4 of their force they are the same springs, and a second has several
+/// bounces.
 #[test]
 fn mujoco_moves_as_ours_does() {
     let Some(python) = python() else { return };
@@ -143,7 +144,7 @@ fn mujoco_moves_as_ours_does() {
     }
 }
 
-/// MuJoCo reads a file of its own as we do, whatever it leaves to its compiler; and the built-in robots as we write them.
+/// MuJoCo reads a file as we do, whatever the file leaves to the compiler, and built-in robots as we write them.
 #[test]
 fn a_file_accelerates_as_mujoco_reads_it() {
     let Some(python) = python() else { return };
@@ -171,7 +172,7 @@ fn a_file_accelerates_as_mujoco_reads_it() {
     }
 }
 
-/// A weight that its bearings hold up: rounding is no difference of accelerations.
+/// A weight carried by its bearings: rounding does not count as a difference of accelerations.
 #[test]
 fn where_nothing_accelerates_the_difference_itself_counts() {
     let Some(python) = python() else { return };
@@ -184,7 +185,7 @@ fn where_nothing_accelerates_the_difference_itself_counts() {
     assert!(gap < 1e-9, "accelerations of nothing are {gap:.1e} (m/s^2, rad/s^2) from MuJoCo's");
 }
 
-/// A foot by priority, shins by their own pair, links that pass each other and the floor: as in MuJoCo. And what is something else is named.
+/// A foot by priority, shins by a pair, links that pass each other and the floor: as in MuJoCo. Differences are named.
 #[test]
 fn masses_and_contact_are_those_of_mujocos_compiler() {
     let Some(python) = python() else { return };
@@ -211,7 +212,8 @@ fn masses_and_contact_are_those_of_mujocos_compiler() {
     let usual = [".4", "2", "1", ".01"];
     let path = file("robot.xml", usual);
     let same = compare(&python, &path, &read(&path)).expect("read by both");
-    // Feet meet the floor, all seven geoms that move the box, and each other but for two on one shin, six on neighbours, two kept apart.
+    // 2 feet meet the floor, 7 moving geoms the box. Of their 21 pairs 12 meet: not 2 on one shin, 6 on neighbours, 1
+    // excluded.
     assert_eq!(same.differences, [""; 0], "{} bodies, {} pairs", same.bodies, same.pairs);
     assert_eq!([same.bodies, same.pairs], [5, 2 + 7 + 12], "moving bodies and pairs that touch");
     for (k, value, what) in [
@@ -227,14 +229,15 @@ fn masses_and_contact_are_those_of_mujocos_compiler() {
     }
 }
 
-/// Policies of random weights: what MuJoCo's player makes of its states by contract and ONNX is what task and policy make of them.
+/// Policies of random weights: MuJoCo's player, from contract and ONNX, gives the observations and actions of task and
+/// policy.
 #[test]
 fn an_exported_policy_is_played_by_its_contract_alone() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("policy.onnx");
     let task = |name: &str, seen: &str| {
         let path = folder.path().join(name);
-        let text = format!("robot = 'anymal'\nsteps = 40\nobservation = ['q - rest', '{seen}', 'action']\nreward = '1'\n");
+        let text = format!("robot = 'anymal'\nsteps = 40\nobservation = ['q - default_q', '{seen}', 'action']\nreward = '1'\n");
         std::fs::write(&path, text).expect("a file");
         path.display().to_string()
     };
@@ -245,7 +248,7 @@ fn an_exported_policy_is_played_by_its_contract_alone() {
         let policy = Policy::new(Shape::of(&*task, &ppo), &mut stream(5, 0));
         let contract = export(&policy, &*task, &out).expect("written");
         let games = |python: &Path| {
-            let episodes = Arena::Truth(Truth::Articulated).episodes(name, 2, 3).expect("episodes");
+            let episodes = Arena::Solver(SolverSpec::default()).episodes(name, 2, 3).expect("episodes");
             player::play(python, Model::Ours, &out, &contract, &policy, episodes)
         };
         let refused = games(Path::new("/bin/true")).expect_err("no MuJoCo").to_string();
@@ -258,7 +261,8 @@ fn an_exported_policy_is_played_by_its_contract_alone() {
     }
 }
 
-/// A crate with a wheel in it on a floor, both of friction 0.1, under gravity that leans by 20 degrees; and what drives the wheel.
+/// A crate on a floor, both of friction 0.1, under gravity inclined by 20 degrees; `actuator` drives a wheel on the
+/// crate.
 fn crate_file(floor: &str, joint: &str, actuator: &str) -> String {
     format!(
         r#"<mujoco><option timestep="0.003" gravity="3.355 0 -9.218"/><worldbody>{floor}<body name="crate" pos="0 0 .05"><freejoint/>
@@ -280,11 +284,11 @@ fn by_file(python: &Path, file: &str, task: &str) -> anyhow::Result<Played> {
     let task = named(&name)?;
     let policy = Policy::new(Shape::of(&*task, &PpoConfig::default()), &mut stream(5, 0));
     let contract = export(&policy, &*task, &out)?;
-    player::play(python, Model::File(&path), &out, &contract, &policy, Arena::Truth(Truth::Articulated).episodes(&name, 2, 3)?)
+    player::play(python, Model::File(&path), &out, &contract, &policy, Arena::Solver(SolverSpec::default()).episodes(&name, 2, 3)?)
 }
 
-/// It slides at (g sin - mu g cos) t from the start on, however high that was, by steps of the file that end with no frame; a joint without a
-/// name gets torques, and one with a position actuator of the same gains targets.
+/// The crate slides at `(g sin a - mu g cos a) t` from any start height. The file's steps do not divide a frame. A
+/// joint without a name gets torques; a joint with a position actuator of the same gains gets targets.
 #[test]
 fn a_policy_is_played_with_the_settings_of_the_file() {
     let Some(python) = python() else { return };
@@ -303,7 +307,7 @@ fn a_policy_is_played_with_the_settings_of_the_file() {
     }
 }
 
-/// A file without a ground gets a plane, which is said; one that has another ground than the task is refused.
+/// A file without a ground gets a plane, with a note. A file with another ground than the task is refused.
 #[test]
 fn the_ground_of_a_file_is_that_of_the_task() {
     let Some(python) = python() else { return };
@@ -315,7 +319,8 @@ fn the_ground_of_a_file_is_that_of_the_task() {
     assert!(refused.contains("scene `plane`"), "{refused}");
 }
 
-/// The smallest policy, trained for an iteration: a row for the truth and one for each kind of settings; a URDF has no settings of its own.
+/// The smallest policy, trained for an iteration: a row for the truth and one for each kind of settings. A URDF brings
+/// no settings.
 #[test]
 fn a_policy_is_carried_by_both_settings_or_by_ours_alone() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -329,14 +334,14 @@ fn a_policy_is_carried_by_both_settings_or_by_ours_alone() {
     for (robot, rows) in [(&*file, vec!["truth", "MuJoCo, file", "MuJoCo, ours"]), ("ant", vec!["truth", "MuJoCo, ours"])] {
         let run = PolicyRun {
             task: format!("{task}@{robot}"),
-            arena: Arena::Truth(Truth::Articulated),
+            arena: Arena::Solver(SolverSpec::default()),
             config: config.clone(),
             seed: 0,
             minutes: None,
             out: folder.path().join(format!("run{}", rows.len())),
         };
         let mut carried = Carried::default();
-        (carried.policy, carried.games) = (vec![run.train().expect("trained").policy], 2);
+        (carried.policy, carried.episodes) = (vec![run.train().expect("trained").policy], 2);
         if robot == "ant" {
             carried.settings = "file".into();
             let refused = carried.measure().expect_err("no MJCF").to_string();

@@ -1,4 +1,4 @@
-//! Other people's robots, from their URDFs alone: read, and on their own feet.
+//! Unknown robots from their URDFs alone: which load, and whether they stand, hang or fall.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ fn table(lower: f64) -> String {
     text + "</robot>"
 }
 
-/// The URDF of a robot as a file in a folder.
+/// Writes a URDF to a folder and finds it there.
 fn written(folder: &Path, name: &str, text: &str) -> Found {
     std::fs::write(folder.join(name), text).expect("written");
     find(&folder.join(name)).expect("it is there").remove(0)
@@ -66,7 +66,7 @@ fn a_file_that_is_no_text_has_its_line_and_the_others_their_turn() {
     assert!(find("/nowhere".as_ref()).is_err());
 }
 
-/// A chain of `n` hinges of 0.1 m, turned by a quarter one after the other, on a free or a fixed base.
+/// A chain of `n` hinges, 0.1 m apart, with axes alternating between y and x.
 fn chain(n: usize) -> String {
     let inertial = r#"<inertial><origin xyz="0 0 -0.05"/><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>"#;
     let piece = |k: usize| {
@@ -115,7 +115,7 @@ fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
     }
 }
 
-/// Where there is a MuJoCo (`NERD_MUJOCO`): a file is equal, or says what differs or why it is refused, and MuJoCo's refusals are its own.
+/// With a MuJoCo (`NERD_MUJOCO`): a file is read as by MuJoCo, or its row names the difference or the refusal.
 #[test]
 fn a_file_beside_mujoco_is_equal_or_says_why_not() {
     let Some(python) = std::env::var("NERD_MUJOCO").ok() else { return println!("skipped: no MuJoCo") };
@@ -128,7 +128,7 @@ fn a_file_beside_mujoco_is_equal_or_says_why_not() {
         std::fs::write(folder.path().join(name), text).expect("a file");
     };
     write("a.xml", "", r#"<geom type="plane" size="1 1 1" friction="2"/><geom type="hfield" hfield="hill" pos="0 0 -1"/>"#);
-    // Friction along and across is one number here.
+    // Tangential friction 1 and 0.5 becomes one coefficient here, 0.75.
     let pair = r#"<contact><pair geom1="floor" geom2="ball" friction="1 .5"/></contact>"#;
     write("b.xml", "", &format!(r#"<geom name="floor" type="plane" size="1 1 1"/></worldbody>{pair}<worldbody>"#));
     write("c.xml", r#"type="ball""#, "");

@@ -1,7 +1,5 @@
-//! Predictions on the CPU (double pendulum's widths): windows of ten tokens through burn and without it, one token a frame with kept keys
-//! and values, and a small network. Also a whole frame of a cable of 40 rods by its chain's network, contacts included.
-//!
-//! `cargo bench -p nerd-model`.
+//! Benchmarks of predictions on the CPU (widths of the double pendulum): windows of ten tokens, one token a frame with
+//! cached keys and values, and a small network. Also a whole frame of a cable of 40 rods, contacts included.
 
 use std::hint::black_box;
 
@@ -29,7 +27,7 @@ fn inference(c: &mut Criterion) {
             let mut out = Vec::new();
             let mut frame = || network.push(black_box(&tokens), &mut out).expect("well-formed frames");
             group.bench_function(format!("{name}, {envs} environments"), |b| {
-                // Fills the window first.
+                // Fill the window first.
                 (0..10).for_each(|_| frame());
                 b.iter(&mut frame);
             });
@@ -43,7 +41,7 @@ fn chain(c: &mut Criterion) {
     let system = System::named(path).expect("the lead");
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 48);
     let network = TransformerConfig { layers: 8, heads: 1, block: 40, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
-    // A network that adds next to nothing, so that the cable stays in place.
+    // Outputs are nearly zero, so that the cable stays in place.
     let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: vec![1e-12; OUTPUTS], epsilon: 1e-24 };
     let normalizer = Normalizer { inputs: Moments::identity(INPUTS), outputs };
     let scene = nerd_sim::dataset::begin(&system, &Default::default(), 0, 1).expect("pegs").scenes.remove(0);

@@ -1,4 +1,4 @@
-//! The base to which a prediction is added. No dynamics are computed for it: the network does all the work.
+//! The base to which a prediction is added. It involves no dynamics: the network predicts all of them.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Base {
-    /// The state before the frame: the paper's form.
+    /// The state before the frame (paper).
     #[default]
     State,
-    /// The state; positions count from the trapezoid rule's, at the mean of the velocities before and after ([`crate::trapezoid`]).
+    /// The state, with positions advanced by the mean of the velocities before and after ([`crate::trapezoid`]).
     Trapezoid,
 }

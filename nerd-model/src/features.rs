@@ -1,16 +1,20 @@
-//! Network inputs and targets (paper A.1): everything in the robot's own frame, computed in f64, then cast to f32.
+//! Tokens and targets of the network (paper A.1): all in the robot's root frame, computed in f64, then cast to f32.
 //!
-//! A token of a robot that has contact points or a free base:
-//! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact quantities masked to
-//! zero beyond `xi`; for any other robot: `[state, torques]`.
-//! [`View::Moving`] adds the velocity of each contact point (3 C, m/s), masked likewise, and its nearness now and a frame ahead (2 C), 1
-//! beyond `xi`; after gravity the x and y axes of every link but the first (6); at the end sine and cosine of every angle. The sine of an
-//! angle that wraps takes the angle's place.
-//! For a robot that is conditioned on its parameters ([`Form::told`]), the last numbers are the drawn parameters ([`Told`]).
-//! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
-//! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] defines the state it is added to.
+//! A token of a robot with contact points or a free base: `[state, normals (3 C), scene points (3 C), depths (C),
+//! torques, gravity direction (3)]`, all in the frame B of the root. Contact quantities are masked to zero beyond `xi`.
+//! For any other robot: `[state, torques]`.
 //!
-//! No token or target contains a mass, force or acceleration.
+//! [`View::Moving`] adds velocities of contact points (3 C, m/s), masked likewise, after the depths. Nearness now and
+//! one frame later (2 C) follows, 1 beyond `xi`. After gravity come the x and y axes of every link but the first (6
+//! each). Sine and cosine of every angle end the token. The sine of an angle that wraps replaces the angle.
+//!
+//! A token conditioned on the robot's parameters ([`Form::told`]) has the drawn parameters after these ([`Told`]).
+//!
+//! The target is the change over the frame, expressed in the frame of the token: additive for positions, joints and
+//! velocities (angles wrapped), a quaternion from the left for the rotation of a floating root. [`Base`] is the state
+//! to which it is added.
+//!
+//! Apart from torques and drawn parameters, no token or target contains a mass, force or acceleration.
 
 use nerd_core::dynamics::{link_pose, velocities};
 use nerd_core::state::wrap_state;
@@ -21,10 +25,10 @@ use crate::form::{Form, View};
 use crate::prelude::*;
 use crate::trapezoid;
 
-/// Length scale (m) of [`nearness`]: smaller gaps are resolved, larger ones count as far.
+/// Length scale (m) of [`nearness`], which resolves gaps up to this size.
 pub(crate) const NEAR: f64 = 0.004;
 
-/// Turns states into tokens and predictions into states, for one system.
+/// Converts states to tokens and predictions to states, for one system.
 #[derive(Clone)]
 pub struct Features {
     system: Arc<System>,
@@ -33,12 +37,12 @@ pub struct Features {
     velocities: Vec<Vector3<f64>>,
     near: Vec<f64>,
     far: Vec<f64>,
-    /// The parameters that tokens are conditioned on, and their values.
+    /// The parameters that tokens are conditioned on, and their values in [-1, 1].
     told: (Told, Vec<f64>),
 }
 
 impl Features {
-    /// For a system and a form.
+    /// Features of `system` in a form.
     pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
@@ -49,14 +53,14 @@ impl Features {
         new
     }
 
-    /// Sets the robot of the next tokens by its drawn parameters; an empty slice means the robot as its files have it.
+    /// Sets the drawn parameters of the robot in the next tokens; an empty slice means the nominal robot.
     pub fn tell(&mut self, drawn: &[f64]) {
         let (told, numbers) = &mut self.told;
         numbers.clear();
         numbers.extend(told.numbers(drawn));
     }
 
-    /// Whether the robot has surroundings: contact points or a free base.
+    /// Whether tokens contain contacts and gravity: the robot has contact points or a free base.
     pub(crate) fn situated(robot: &Robot) -> bool {
         robot.floating() || !robot.contact_points.is_empty()
     }
@@ -77,7 +81,7 @@ impl Features {
         system.robot.state_dim() + Self::a_point(form.view) * system.robot.contact_points.len()
     }
 
-    /// Numbers of a token per contact point.
+    /// Numbers per contact point, torques and gravity excluded.
     fn a_point(view: View) -> usize {
         if view == View::Moving { 12 } else { 7 }
     }
@@ -87,7 +91,7 @@ impl Features {
         system.robot.state_dim()
     }
 
-    /// Pose of the frame B of a state: the floating base, or the first moving link.
+    /// The frame B of a state: pose of the floating base, or of the first moving link.
     fn frame(&mut self, state: &[f64]) -> RootFrame {
         let robot = &self.system.robot;
         if robot.floating() {
@@ -97,7 +101,8 @@ impl Features {
         RootFrame::at(&link_pose(&self.data, 0))
     }
 
-    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector.
+    /// Writes the token of a frame, `[inputs]`, not normalised: the state before the frame, its contacts, the torques
+    /// over it, gravity (m/s^2).
     pub fn token(&mut self, state: &[f64], contacts: &[ContactEvent], torques: &[f64], gravity: &Vector3<f64>, out: &mut [f32]) {
         let system = self.system.clone();
         let situated = Self::situated(&system.robot);
@@ -124,7 +129,7 @@ impl Features {
             put(torques);
             return put(&waves);
         }
-        // The mask zeroes the network's input, not the world: a zeroed event is not a contact at the frame's origin.
+        // The mask zeroes inputs of the network. A masked event does not mean a contact at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
         let none = Vector3::zeros();
         for (k, event) in contacts.iter().enumerate() {
@@ -157,7 +162,7 @@ impl Features {
         put(&waves);
     }
 
-    /// The end of a token: sines and cosines of angles. The sine of one that wraps takes the angle's place in `near`.
+    /// The sines and cosines that end a token. The sine of a wrapping angle replaces the angle in `near`.
     fn waves(&mut self) -> Vec<f64> {
         let robot = &self.system.robot;
         let mut end = Vec::new();
@@ -173,11 +178,11 @@ impl Features {
         end
     }
 
-    /// Velocity of each contact point (m/s), world axes, into `velocities`.
+    /// Writes the velocity of each contact point (m/s, world axes) to `velocities`.
     fn move_points(&mut self, state: &[f64], contacts: &[ContactEvent]) {
         let (robot, data) = (&self.system.robot, &mut self.data);
         let (q, qd) = robot.split(state);
-        // The pose of a fixed root has already computed the kinematics.
+        // For a fixed base, `frame` has already computed the kinematics.
         if robot.floating() {
             kinematics(robot, q, data);
         }
@@ -187,12 +192,12 @@ impl Features {
         self.velocities.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
-    /// The frame in which changes are taken: a floating root's own, otherwise the world, since joints have no other.
+    /// The frame of changes: a floating root's, otherwise the world.
     fn place(&self, state: &[f64]) -> RootFrame {
         if self.system.robot.floating() { RootFrame::of(state) } else { world() }
     }
 
-    /// Writes the target of a frame from `state` to `next`: the change, seen from `state`.
+    /// Writes the target of a frame from `state` to `next`, `[outputs]`, not normalised.
     pub fn target(&mut self, state: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -214,7 +219,7 @@ impl Features {
         cast(&change, out);
     }
 
-    /// Writes the state at `change` (as in [`Self::target`]) from `state`.
+    /// Writes the state at `change` (as in [`Self::target`], not normalised) from `state` to `next`.
     pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -233,21 +238,21 @@ impl Features {
     }
 }
 
-/// Numbers that a joint has at the end of a token of [`View::Moving`].
+/// Sines and cosines of a joint in a token of [`View::Moving`]: a wrapping angle adds one number, another hinge two.
 pub(crate) fn waves(joint: &Joint) -> usize {
     if joint.wraps() { 1 } else { 2 * usize::from(joint.kind != JointKind::Prismatic) }
 }
 
-/// Nearness of a gap (m): -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.
+/// Nearness of a gap (m): -1 in deep penetration, 0 at contact, 1 far away; steepest at contact.
 pub(crate) fn nearness(gap: f64) -> f64 {
     gap / gap.hypot(NEAR)
 }
 
-pub(crate) fn nearness_slope(gap: f64) -> f64 {
+pub(crate) fn nearness_gradient(gap: f64) -> f64 {
     NEAR * NEAR / gap.hypot(NEAR).powi(3)
 }
 
-/// The world's frame.
+/// The world frame.
 fn world() -> RootFrame {
     RootFrame::at(&Isometry3::identity())
 }

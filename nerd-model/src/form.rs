@@ -1,10 +1,10 @@
-//! The form of inputs and predictions: the paper's, or one with more motion features. A model carries its form.
+//! The form of tokens and predictions: the paper's, or with more motion features. A model carries its form.
 
 use serde::{Deserialize, Serialize};
 
 use crate::base::Base;
 
-/// Content of a token, all in the robot's own frame.
+/// Content of a token, all in the robot's root frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
@@ -22,12 +22,12 @@ pub struct Form {
     pub base: Base,
     /// Content of tokens.
     pub view: View,
-    /// Whether tokens end with the drawn parameters of their robot ([`nerd_sim::vary::Told`]).
+    /// Whether tokens are conditioned on the robot's drawn parameters ([`nerd_sim::vary::Told`]).
     pub told: bool,
 }
 
 impl From<Base> for Form {
-    /// With the paper's tokens.
+    /// `base` with the paper's tokens.
     fn from(base: Base) -> Self {
         Self { base, ..Self::default() }
     }

@@ -1,7 +1,8 @@
-//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it, and the adjoint.
+//! One frame of a chunk of environments around the network: contacts and tokens, predictions to next states, and the
+//! adjoint.
 
 use nerd_core::state::wrap_state;
-use nerd_sim::solver::{Fault, Slopes};
+use nerd_sim::solver::{Fault, Gradients};
 
 use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
@@ -29,7 +30,8 @@ impl Frame {
         }
     }
 
-    /// Writes the normalised tokens of the environments from `first` on; zeros for failed ones, listed in `aside`.
+    /// Writes the normalised tokens `[env][inputs]` of the environments from `first` on. Failed ones, listed in
+    /// `aside`, get zeros.
     pub fn tell(&mut self, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32]) {
         for (env, token) in (first..).zip(tokens.chunks_exact_mut(self.around.normalizer.inputs.mean.len())) {
             if aside.iter().any(|fault| fault.env == env) {
@@ -40,7 +42,7 @@ impl Frame {
         }
     }
 
-    /// Finds the contacts of an environment and writes its token.
+    /// Finds the contacts of an environment and writes its normalised token.
     fn look(&mut self, batch: &Batch, torques: &[f64], env: usize, token: &mut [f32]) {
         let (robot, scene, state) = (&batch.system.robot, &batch.scenes[env], batch.state(env));
         let joints = robot.joint_count();
@@ -53,7 +55,8 @@ impl Frame {
         self.around.normalizer.inputs.normalize(token);
     }
 
-    /// Writes the states `next`: predictions applied to the states of the environments from `first` on.
+    /// Writes the next states `next[env][q, qd]`: predictions applied to the states of the environments from `first`
+    /// on.
     pub fn apply(&mut self, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
         let d = self.change.len();
         for (env, (prediction, next)) in (first..).zip(predictions.chunks_exact(d).zip(next.chunks_exact_mut(d))) {
@@ -62,14 +65,15 @@ impl Frame {
         }
     }
 
-    /// Gradients of the frame of `count` environments from `first` on, by a `network` whose window is one token.
+    /// Gradients of a frame of `count` environments from `first` on, through a one-token `network`. `grad_next` is
+    /// `[env][rows][2 nv]`, over all environments.
     pub fn back(
         &mut self,
         (batch, torques): (&Batch, &[f64]),
         network: &Loaded,
         (first, count): (usize, usize),
-        (rows, by_next): (usize, &[f64]),
-    ) -> Slopes {
+        (rows, grad_next): (usize, &[f64]),
+    ) -> Gradients {
         let robot = &batch.system.robot;
         let (joints, wide, d) = (robot.joint_count(), 2 * robot.nv(), robot.state_dim());
         let inputs = self.around.normalizer.inputs.mean.len();
@@ -79,21 +83,21 @@ impl Frame {
             seen.push(self.events.clone());
         }
         let outputs = network.forward(&tokens, &mut self.memory, Pass::Kept(1)).clone();
-        let mut found = Slopes { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], ..Slopes::default() };
+        let mut found = Gradients { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], ..Gradients::default() };
         self.apply(batch, first, &outputs, &mut found.next);
         found.next.chunks_exact_mut(d).for_each(|next| wrap_state(robot, next));
         found.torques.resize(count * rows * joints, 0.0);
         for row in 0..rows {
             let at = |i: usize| (i * rows + row) * wide..(i * rows + row + 1) * wide;
-            let by_next = &by_next[first * rows * wide..];
+            let grad_next = &grad_next[first * rows * wide..];
             let by_outputs = (0..count).zip(outputs.chunks_exact(d)).flat_map(|(i, outputs)| {
-                self.around.outputs_back(batch.state(first + i), outputs, &by_next[at(i)], &mut found.states[at(i)])
+                self.around.outputs_back(batch.state(first + i), outputs, &grad_next[at(i)], &mut found.states[at(i)])
             });
             let by_outputs: Vec<f32> = by_outputs.collect();
             let by_tokens = network.backward_to_tokens(1, &by_outputs, &mut self.memory);
             for (i, (by, contacts)) in by_tokens.chunks_exact(inputs).zip(&seen).enumerate() {
-                let (env, slope) = (first + i, &mut found.states[at(i)]);
-                let by = self.around.token_back(batch.state(env), (contacts, batch.scenes[env].gravity), by, &mut self.data, slope);
+                let (env, gradient) = (first + i, &mut found.states[at(i)]);
+                let by = self.around.token_back(batch.state(env), (contacts, batch.scenes[env].gravity), by, &mut self.data, gradient);
                 found.torques[(i * rows + row) * joints..][..joints].copy_from_slice(self.around.of_torques(&by));
             }
         }

@@ -8,20 +8,20 @@ pub mod features;
 pub mod folder;
 pub mod form;
 mod frame;
+pub mod gradients;
 pub mod neural;
 pub mod normalizer;
-pub mod pick;
 pub mod program;
-pub mod slopes;
+pub mod solver;
 pub mod transformer;
 pub mod trapezoid;
 
-/// Where burn computes: `BurnDevice::flex()`, the CPU.
+/// Device of burn: `BurnDevice::flex()` is the CPU.
 #[cfg(feature = "burn")]
 pub use burn::tensor::Device as BurnDevice;
 pub use nerd_sim;
 
-/// What most programs need.
+/// Names that most programs need.
 pub mod prelude {
     pub use nerd_sim::prelude::*;
 

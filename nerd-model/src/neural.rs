@@ -1,23 +1,23 @@
-//! The learned solver: one network evaluation a frame in place of dynamics, contact and integration.
+//! The learned solver: one network evaluation per frame in place of dynamics, contact forces and integration.
 //!
-//! Contacts are found by the scene's geometry, as for every solver. Each frame of an environment is a token in its own
-//! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, frames stepped by
-//! another solver, a failed frame) clears that memory.
+//! The scene's geometry finds contacts, as for every solver. Each frame of an environment is a token in the robot's
+//! root frame, and the network ([`Stream`]) remembers the last tokens. A gap in an environment's frames (a reset,
+//! frames stepped by another solver, a failed frame) clears its memory.
 
-use nerd_sim::solver::{Fault, Slopes, check, check_kin, commit};
+use nerd_sim::solver::{Fault, Gradients, check, check_kin, commit};
 use rayon::prelude::*;
 
 use crate::prelude::*;
 use crate::transformer::{Architecture, ForwardError, Stream, even, packed};
 use crate::{frame::Frame, program::cpu::Loaded};
 
-/// Environments that one thread prepares in a row.
+/// Environments per thread and chunk.
 const CHUNK: usize = 16;
-/// Most environments whose adjoint is computed at once.
+/// Most environments in one adjoint pass.
 const ROWS: usize = 128;
 
-/// A model as a [`Solver`]. In a batch with `[vary]` each environment has its own robot; a model conditioned on parameters receives the
-/// drawn ones.
+/// A model as a [`Solver`]. In a batch with `[vary]` each environment has its robot, and a model conditioned on
+/// parameters receives the drawn ones.
 pub struct Neural {
     model: Model,
     network: Box<dyn Stream>,
@@ -29,25 +29,25 @@ pub struct Neural {
     predictions: Vec<f32>,
     next: Vec<f64>,
     faults: Vec<Fault>,
-    /// The network for gradients, loaded when they are first requested.
-    slopes: Option<Loaded>,
+    /// The network for gradients, loaded at the first request.
+    gradients: Option<Loaded>,
 }
 
 impl Neural {
-    /// A model, evaluated by `network`.
+    /// A solver with `model`, evaluated by `network`.
     pub fn new(model: Model, network: Box<dyn Stream>) -> Self {
         let (frames, tokens, newest) = (Vec::new(), Vec::new(), Vec::new());
         let (predictions, next, faults) = (Vec::new(), Vec::new(), Vec::new());
-        Self { model, network, frames, tokens, newest, predictions, next, faults, slopes: None }
+        Self { model, network, frames, tokens, newest, predictions, next, faults, gradients: None }
     }
 
-    /// The same, evaluated on the CPU.
+    /// A solver with `model`, evaluated on the CPU.
     pub fn on_cpu(model: Model) -> Self {
         let network = packed(&model.weights);
         Self::new(model, network)
     }
 
-    /// Robots that differ by environment need a model of a family.
+    /// Checks a batch. Robots may differ by environment only in a system with `[vary]`.
     fn check(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
         let check = if batch.system.spec.vary.is_some() { check_kin } else { check };
         check(batch, torques, &mut self.faults)
@@ -55,7 +55,7 @@ impl Neural {
 
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         if self.model.config.network.architecture == Architecture::Chain {
-            return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::pick::learned".into()));
+            return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::solver::learned".into()));
         }
         let n = batch.len();
         if self.newest.len() != n {
@@ -70,7 +70,7 @@ impl Neural {
         Ok(())
     }
 
-    /// Clears the memory of environments whose frames have a gap.
+    /// Clears the memory of environments with a gap in their frames.
     fn forget(&mut self, batch: &Batch) {
         for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
             if *frame == 0 || *newest + 1 != *frame {
@@ -103,52 +103,38 @@ impl Solver for Neural {
         done
     }
 
-    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    fn vjp(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
         let config = self.model.config.network;
         if config.architecture != Architecture::Residual {
             return Err(StepError::Refused(
-                "this model has no slopes: its network sees more than one frame, take a pure one whose architecture is `residual`".into(),
+                "this model has no gradients: its network sees more than one frame, take a pure one whose architecture is `residual`"
+                    .into(),
             ));
         }
         self.check(batch, torques)?;
         if !self.faults.is_empty() {
             return Err(StepError::Environments(std::mem::take(&mut self.faults)));
         }
-        let (found, wanted) = (by_next.len(), batch.len() * rows * 2 * batch.system.robot.nv());
+        let (found, wanted) = (grad_next.len(), batch.len() * rows * 2 * batch.system.robot.nv());
         if found != wanted {
             return Err(StepError::Solver(format!("{found} numbers of gradients, {wanted} are needed")));
         }
         self.begin(batch)?;
-        let network = self.slopes.get_or_insert_with(|| Loaded::new(config.program(), &self.model.weights.flat));
-        // Weights pass more rows at once than tokens are made for.
+        let network = self.gradients.get_or_insert_with(|| Loaded::new(config.program(), &self.model.weights.flat));
+        // Larger chunks than for tokens: the network is faster with more rows.
         let size = even(batch.len(), ROWS).max(CHUNK);
         let one = |(i, frame): (usize, &mut Frame)| {
             let envs = (i * size, size.min(batch.len() - i * size));
-            frame.back((batch, torques), network, envs, (rows, by_next))
+            frame.back((batch, torques), network, envs, (rows, grad_next))
         };
-        let parts: Vec<Slopes> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
-        let mut all = Slopes::default();
+        let parts: Vec<Gradients> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
+        let mut all = Gradients::default();
         parts.into_iter().for_each(|part| all.append(part));
         Ok(all)
     }
 
     fn reset(&mut self, env: usize) {
         self.network.clear(env);
-    }
-
-    /// The frame of the newest token, then the network's memory.
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
-        let Some(newest) = self.newest.get(env).filter(|_| self.model.config.network.reach() > 1) else { return Ok(Vec::new()) };
-        let kept = self.network.remembered(env).map_err(failed)?;
-        Ok(if kept.is_empty() { kept } else { [*newest as f64].into_iter().chain(kept).collect() })
-    }
-
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
-        self.network.clear(env);
-        let Some((frame, kept)) = memory.split_first() else { return Ok(()) };
-        self.network.recall(env, kept).map_err(failed)?;
-        self.newest[env] = *frame as u64;
-        Ok(())
     }
 }
 

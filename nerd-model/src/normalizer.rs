@@ -1,10 +1,10 @@
-//! Mean and variance of inputs and targets over the training set, once, before training.
+//! Mean and variance of tokens and targets over the training set, computed once before training.
 //!
-//! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are multiplied back. The statistics run over every token
-//! of every window of h tokens, so a token inside a trajectory counts as often as windows hold it (up to h times).
+//! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are scaled back. The statistics run over all windows of h
+//! tokens, so a token inside a trajectory counts up to h times.
 //!
-//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit counts less in the loss than others. So each
-//! run chooses epsilon, and it is kept with the moments.
+//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit has less weight in the
+//! loss. So each run chooses epsilon, and it is stored with the moments.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +19,7 @@ fn is_paper(epsilon: &f64) -> bool {
     *epsilon == EPSILON
 }
 
-/// Per-coordinate shift and scale of one block of numbers.
+/// Per-coordinate shift and scale of rows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Moments {
@@ -33,14 +33,15 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Moments of rows `[trajectory][frame][width]`, each weighted by the windows of `history` tokens that hold it.
+    /// Moments of rows `[trajectory][frame][width]`, each weighted by the number of windows of `history` tokens that
+    /// contain it.
     pub fn of(rows: &[f32], width: usize, frames: usize, history: usize) -> Self {
         let (mut total, mut mean, mut square) = (0.0, vec![0.0; width], vec![0.0; width]);
         for (i, row) in rows.chunks_exact(width).enumerate() {
             let f = i % frames;
             let weight = (f + 1).min(frames - f).min(history).min(frames + 1 - history) as f64;
             total += weight;
-            // West's update: stable at millions of rows.
+            // West's update, stable over millions of rows.
             for ((m, s), x) in mean.iter_mut().zip(&mut square).zip(row) {
                 let gap = f64::from(*x) - *m;
                 *m += gap * weight / total;
@@ -50,17 +51,17 @@ impl Moments {
         Self { mean, variance: square.iter().map(|s| s / f64::max(total, 1.0)).collect(), epsilon: EPSILON }
     }
 
-    /// Moments that leave rows of `width` as they are.
+    /// Moments that leave rows of `width` unchanged.
     pub fn identity(width: usize) -> Self {
         Self { mean: vec![0.0; width], variance: vec![1.0 - EPSILON; width], epsilon: EPSILON }
     }
 
-    /// Scale `sqrt(variance + epsilon)` by coordinate.
+    /// Scale `sqrt(variance + epsilon)` of each coordinate.
     pub fn scale(&self) -> impl Iterator<Item = f64> {
         self.variance.iter().map(|v| (v + self.epsilon).sqrt())
     }
 
-    /// Normalises rows in place.
+    /// Normalises rows `[..][width]` in place.
     pub fn normalize(&self, rows: &mut [f32]) {
         let scale: Vec<f64> = self.scale().collect();
         for row in rows.chunks_exact_mut(self.mean.len()) {

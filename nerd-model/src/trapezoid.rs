@@ -1,27 +1,23 @@
-//! Positions by the trapezoid rule: a prediction's positions are corrections to motion at the mean of the velocities before and after.
+//! The trapezoid base: predicted positions are corrections to motion at the mean of the velocities before and after.
 //!
-//! With the present velocities `v`, predicted changes `c_v` and correction `c`, over a frame of time T: `dq = T (v + c_v / 2) + c`. For a
-//! free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its rotation is `exp(T (a + c_a / 2)) c_n`. So
-//! positions follow velocities, and only the effect of contact within the frame is left to learn.
+//! With present velocities `v`, predicted changes `c_v` and correction `c`, over a frame of time T:
+//! `dq = T (v + c_v / 2) + c`. For a free root (body axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and
+//! its rotation is `exp(T (a + c_a / 2)) c_n`. So positions follow velocities, and only the effect of contact within
+//! the frame is left to learn.
 
-use nalgebra::Quaternion;
 use nerd_core::frames::own_velocity;
 
 use crate::normalizer::Moments;
 use crate::prelude::*;
 
-/// The rotation vector and translation of a free root at the mean velocities, in its own axes.
+/// Rotation vector and translation of a free root at the mean velocities, in body axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
     let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
     [(a + vector(&change[nq..]) * 0.5) * time, (b + vector(&change[nq + 3..]) * 0.5) * time]
 }
 
-fn turn(change: &[f64]) -> Quaternion<f64> {
-    Quaternion::new(change[6], change[3], change[4], change[5])
-}
-
-/// Scales position corrections by the velocity change's scale times the frame time. So the correction in smooth motion, next to nothing,
-/// uses no capacity of the network.
+/// Sets the scale of position corrections to the scale of velocity changes times the frame time. So the tiny correction
+/// of smooth motion uses no capacity of the network.
 pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
     let of = |velocity: usize, share: f64| (share * time, nq + velocity);
@@ -33,7 +29,7 @@ pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     }
 }
 
-/// From a prediction to the change of the state (`sign` 1), or back (-1).
+/// Converts a prediction to the change of the state, in place (`sign` 1), or back (-1).
 pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
     let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
     for i in 0..robot.joint_count() {
@@ -41,28 +37,29 @@ pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: 
     }
     if robot.floating() {
         let [u, way] = carried(robot, time, state, change);
-        let turned = UnitQuaternion::from_scaled_axis(u * sign).into_inner() * turn(change);
+        let turned = UnitQuaternion::from_scaled_axis(u * sign).into_inner() * raw_quaternion(&change[3..]);
         change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += sign * d);
         change[3..7].copy_from_slice(turned.coords.as_slice());
     }
 }
 
-/// Adjoint of [`carry`] from prediction to change: turns a gradient with respect to the change into one with respect to the prediction, and
-/// adds the one with respect to the state, in its tangent space ([`crate::slopes`]), to `slope`.
-pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], slope: &mut [f64]) {
+/// Adjoint of [`carry`] with sign 1. `by` is the gradient with respect to the change on entry, and with respect to the
+/// prediction on return. Adds the gradient with respect to the state (tangent space, [`crate::gradients`]) to
+/// `gradient[2 nv]`.
+pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], gradient: &mut [f64]) {
     let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());
     for i in 0..robot.joint_count() {
-        slope[nv + dofs + i] += time * by[coords + i];
+        gradient[nv + dofs + i] += time * by[coords + i];
         by[nq + dofs + i] += 0.5 * time * by[coords + i];
     }
     if !robot.floating() {
         return;
     }
     let (u, by_way) = (carried(robot, time, state, prediction)[0], vector(by));
-    let (e, by_turn) = (UnitQuaternion::from_scaled_axis(u).into_inner(), turn(by));
+    let (e, by_turn) = (UnitQuaternion::from_scaled_axis(u).into_inner(), raw_quaternion(&by[3..]));
     let by_own = e.conjugate() * by_turn;
-    let twist = (by_own * turn(prediction).conjugate()).imag() * 0.5;
-    // By the rotation vector: the transposed right Jacobian of exp.
+    let twist = (by_own * raw_quaternion(&prediction[3..]).conjugate()).imag() * 0.5;
+    // With respect to the rotation vector: the transposed right Jacobian of exp.
     let angle = u.norm();
     let (first, second) =
         if angle > 1e-4 { ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3)) } else { (0.5, 1.0 / 6.0) };
@@ -71,7 +68,7 @@ pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mu
     by[3..7].copy_from_slice(by_own.coords.as_slice());
     for (at, g) in [(0, by_u), (3, by_way)] {
         for k in 0..3 {
-            slope[nv + at + k] += time * g[k];
+            gradient[nv + at + k] += time * g[k];
             by[nq + at + k] += 0.5 * time * g[k];
         }
     }

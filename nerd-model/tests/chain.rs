@@ -1,4 +1,4 @@
-//! Chains: rods and back, the adjoint, the solver.
+//! Chains: conversion to rods and back, the adjoint of a frame, the solver.
 
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Outputs, Rods};
 use nerd_model::normalizer::{Moments, Normalizer};
@@ -12,12 +12,12 @@ fn lead() -> (Arc<System>, Chain) {
     (system, chain)
 }
 
-/// Numbers that look random, of about this size.
+/// Deterministic numbers of about this size.
 fn numbers(n: usize, seed: f64, size: f64) -> Vec<f64> {
     (0..n).map(|i| size * (12.9898 * (i as f64 + 1.7 * seed) + (i as f64 * 0.37 + seed).cos() * 4.0).sin()).collect()
 }
 
-/// Bends and rates as a lead in motion has them, and the gripper's torques.
+/// A state with the bends and rates of a moving cable, and torques of the gripper.
 fn state(chain: &Chain, seed: f64) -> (Vec<f64>, Vec<f64>) {
     let n = 2 * chain.rods;
     let q = [numbers(6, seed, 0.3), numbers(n, seed + 1.0, 0.3)].concat();
@@ -45,7 +45,7 @@ fn rods_and_joints_are_the_same_state() {
         let rods = chain.rods(&state);
         let mut back = vec![0.0; state.len()];
         chain.state(&rods, &mut back);
-        // Rates are about 5 rad/s, and the rates of forty rods add up.
+        // Rates are about 5 rad/s and add up over forty rods.
         worst = state.iter().zip(&back).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
         let mut data = nerd_core::dynamics::Data::new(&system.robot);
         nerd_core::dynamics::kinematics(&system.robot, &state, &mut data);
@@ -67,7 +67,7 @@ fn rates_are_how_directions_change() {
     assert!(worst < 1e-6, "off by {worst:.1e} 1/s");
 }
 
-/// A frame of a chain above the floor, as a scalar function (tokens and outcome times fixed weights) with a gradient.
+/// A frame of a chain above the floor as a scalar function: tokens and next state times fixed weights.
 fn weighed(chain: &Chain, rods: &Rods, torques: &[f64], outputs: Outputs, scene: &Scene) -> f64 {
     let look = Look::at(chain, rods, torques, |place| scene.contact(place));
     let mut tokens = Vec::new();
@@ -99,7 +99,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 #[test]
-fn slopes_of_a_frame_are_those_of_differences() {
+fn gradients_of_a_frame_are_those_of_differences() {
     let (system, chain) = lead();
     // Low, so that some rods touch, some are near and some far.
     let scene = system.scene("plane").expect("a floor");
@@ -113,14 +113,14 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let outputs = Outputs { numbers: &raw, scale: &scale };
         let look = Look::at(&chain, &rods, &torques, |place| scene.contact(place));
         let by_tokens: Vec<f32> = numbers(chain.rods * INPUTS, 9.0, 1.0).iter().map(|x| *x as f32).collect();
-        let (mut slope, upstream) = (Rods::zeros(chain.rods), rods_of(&weights(&chain)));
-        let by_outputs = chain.advance_back(&rods, outputs, &upstream, &mut slope);
-        let mut glided = look.tokens_back(&chain, &rods, &by_tokens, &mut slope);
+        let (mut gradient, upstream) = (Rods::zeros(chain.rods), rods_of(&weights(&chain)));
+        let by_outputs = chain.advance_back(&rods, outputs, &upstream, &mut gradient);
+        let mut glided = look.tokens_back(&chain, &rods, &by_tokens, &mut gradient);
         glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, b)| *x += b);
         let gripper = chain.glide_back(&glided);
-        slope.gripper.numbers_mut().zip(gripper.numbers()).for_each(|(x, g)| *x += g);
+        gradient.gripper.numbers_mut().zip(gripper.numbers()).for_each(|(x, g)| *x += g);
 
-        // Along directions within each part alone; tokens are rounded to f32, so the step is large.
+        // Directions within one part at a time. Tokens are rounded to f32, so the step is large.
         let (third, start) = (12 + 3 * chain.rods, flat(&rods));
         for (part, h) in [(0..12, 1e-5), (12..third, 1e-5), (third..start.len(), 1e-3)] {
             let way: Vec<f64> = weights(&chain).iter().enumerate().map(|(k, w)| if part.contains(&k) { *w } else { 0.0 }).collect();
@@ -128,7 +128,7 @@ fn slopes_of_a_frame_are_those_of_differences() {
                 let moved: Vec<f64> = start.iter().zip(&way).map(|(x, w)| x + h * w).collect();
                 weighed(&chain, &rods_of(&moved), &torques, outputs, &scene)
             };
-            let (found, wanted) = (dot(&flat(&slope), &way), (value(h) - value(-h)) / (2.0 * h));
+            let (found, wanted) = (dot(&flat(&gradient), &way), (value(h) - value(-h)) / (2.0 * h));
             worst = worst.max((found - wanted).abs() / wanted.abs().max(100.0));
         }
         let way = numbers(chain.rods * OUTPUTS, 8.0, 1.0);
@@ -140,7 +140,7 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let wanted = (value(1e-3) - value(-1e-3)) / 2e-3;
         worst = worst.max((found - wanted).abs() / wanted.abs().max(1.0));
     }
-    assert!(worst < 2e-3, "slopes are {worst:.1e} from those of differences");
+    assert!(worst < 2e-3, "gradients are {worst:.1e} from those of differences");
 }
 
 #[test]

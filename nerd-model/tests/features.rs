@@ -1,4 +1,4 @@
-//! Tokens and targets: a target leads to the next state in every form, and a token sees what it should.
+//! Tokens and targets: every form's target leads to the next state; tokens are independent of position and heading.
 
 use nerd_model::form::{Form, View};
 use nerd_model::{base::Base, features::Features};
@@ -12,7 +12,7 @@ fn system(robot: &str) -> Arc<System> {
     System::named(robot).expect("built in")
 }
 
-/// f32 of a change of at most a few units.
+/// Tolerance: f32 rounding of a change of a few units.
 #[test]
 fn what_is_predicted_leads_to_the_next_state_in_every_form() {
     for robot in ["pendulum", "cartpole", "cube", "ant"] {
@@ -75,7 +75,7 @@ fn a_token_sees_neither_place_nor_heading() {
         for k in 0..20 {
             let here = told(robot, view, &Isometry3::identity(), k);
             let (points, d) = (system(robot).robot.contact_points.len(), system(robot).robot.state_dim());
-            // Normals, or contact velocities.
+            // Normals, or velocities of contact points.
             let first = if view == View::Own { d } else { d + 7 * points };
             seen += here[first..first + 3 * points].iter().filter(|x| **x != 0.0).count();
             for (by, heading) in [(Vector3::new(3.0, -1.0, 2.0), 0.0), (Vector3::zeros(), 2.0), (Vector3::new(300.0, 20.0, -500.0), -1.3)] {
@@ -88,9 +88,9 @@ fn a_token_sees_neither_place_nor_heading() {
     }
 }
 
-/// Allowed inputs of a network that replaces dynamics: the robot's position and velocity, the geometry of its contacts, torques and
-/// gravity's direction. For a robot with other masses, inertias, springs, dampings and materials all of these are the same, to the bit, and
-/// so is the state that follows a prediction.
+/// A network that replaces dynamics may see the robot's position and velocity, the geometry of contacts, torques and
+/// gravity's direction. These, and the state after a prediction, are bit-identical for a robot with other masses,
+/// inertias, springs, damping and materials.
 #[test]
 fn a_pure_model_sees_no_dynamics() {
     for robot in ["cartpole", "pendulum", "cube", "franka", "ant", "anymal"] {
@@ -101,7 +101,7 @@ fn a_pure_model_sees_no_dynamics() {
             link.inertia.com += Vector3::new(0.1, -0.2, 0.3);
             link.inertia.inertia *= 3.0;
             if let Some(joint) = &mut link.joint {
-                // With a spring an angle counts its turns, so wrapping would change the coordinate.
+                // With a spring an angle counts full turns, so its coordinate would change.
                 if !joint.wraps() {
                     (joint.stiffness, joint.rest) = (joint.stiffness + 1.0, joint.rest + 0.1);
                 }

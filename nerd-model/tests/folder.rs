@@ -1,4 +1,4 @@
-//! A model folder is as it was written, or it is refused: whatever is changed in it, a model that loads predicts as the saved one did.
+//! Model folders load unchanged or are refused: after any change of a file, a model that loads predicts as before.
 
 mod common;
 
@@ -25,20 +25,20 @@ fn saved() -> TempDir {
     folder
 }
 
-/// Why a folder's model is refused for a robot, in one line.
+/// The one-line reason for refusing a folder's model for a robot.
 fn refusal(folder: &Path, system: &System, truth: Option<&str>) -> String {
     let error = Model::load(folder, system, truth).expect_err("refused").to_string();
     assert!(error.contains(&folder.display().to_string()) && !error.contains('\n'), "{error}");
     error
 }
 
-/// Whether two models make the same predictions for the same states.
+/// Whether two models predict the same.
 fn alike(a: &Model, b: &Model) -> bool {
     let what = |m: &Model| (m.config.base, m.config.view, m.config.network);
     what(a) == what(b) && a.normalizer == b.normalizer && a.weights == b.weights
 }
 
-/// Sets a key of the folder's `config.json`, or of its network, to some text.
+/// Sets a key of the folder's `config.json`, or of its network, and returns the refusal.
 fn edit(folder: &Path, key: &str, value: &str) -> String {
     let path = folder.join("config.json");
     let mut config: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).expect("read")).expect("JSON");
@@ -99,18 +99,18 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
         let error = edit(saved().path(), key, value);
         assert!(error.contains(word), "{key} {value}: {error}");
     }
-    // Each is possible by itself; together they would have 13 billion parameters.
+    // Each number is possible by itself; together they give 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
     let error = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
     assert!(error.contains("parameters"), "{error}");
     let rotary = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(37, 4, 60) };
     assert!(rotary.check().expect_err("5 columns a head").contains("`heads`"));
-    // Heads and positions mean nothing without attention.
+    // Heads and positions have no meaning without attention.
     let residual = TransformerConfig { architecture: Architecture::Residual, heads: 1, embedding: 97, ..rotary };
     residual.check().expect("a residual network of any width");
 }
 
-/// Shapes at the limits: each is refused, naming a key, or predicts numbers.
+/// Shapes at the limits are refused with a key, or predict finite numbers.
 #[test]
 fn a_shape_that_is_not_refused_predicts() {
     let (mut rng, mut refused, mut run) = (stream(3, 0), 0, 0);
@@ -172,7 +172,7 @@ fn a_robot_of_the_same_name_is_not_the_same_robot() {
     let hashes = [same.robot_sha256(), lighter.robot_sha256()];
     assert!(hashes.iter().all(|h| error.contains(&h[..12])) && error.contains("masses"), "{error}");
     let mut model = Model::read(folder.path(), &lighter, None).expect("read without a look at hashes");
-    model.stamp(&lighter);
+    model.config.robot_sha256 = lighter.robot_sha256();
     model.save(folder.path(), "# card\n", Storage::F16).expect("saved");
     Model::load(folder.path(), &lighter, None).expect("stamped");
 }
@@ -192,7 +192,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     std::fs::remove_file(old.path().join("config.json")).expect("removed");
     let error = refusal(old.path(), &pendulum(), None);
     assert!(error.contains("config.json"), "{error}");
-    // Nothing is left beside a new folder.
+    // Saving leaves no other files beside the folder.
     let fresh = new.path().join("fresh");
     model.save(&fresh, "# card\n", Storage::F16).expect("saved");
     Model::load(&fresh, &pendulum(), None).expect("as it was written");
@@ -200,7 +200,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     assert_eq!(beside, 5, "four files and the folder");
 }
 
-/// Models that come with the project: complete, for built-in robots, with existing truths; the truth of a robot `NAME-paper` is the
+/// Shipped models are complete, for built-in robots, with known truths. The truth of a robot `NAME-paper` is the
 /// reference simulator's preset.
 #[test]
 fn shipped_models_are_of_built_in_robots_and_known_truths() {

@@ -1,5 +1,5 @@
-//! The kernels around the network compared with the solver on the CPU, and small programs as one kernel with the CPU's engine, without a
-//! GPU: their text is compiled as C++ and run on the CPU.
+//! GPU kernels around the network against the CPU solver, and small networks as one kernel against the CPU engine. No
+//! GPU is needed: the kernels are compiled as C++ and run on the CPU.
 
 mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
@@ -20,7 +20,7 @@ use nerd_sim::articulated::device::{Reach, Real, records};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::scene::{TerrainKind, TerrainSpec};
 
-/// A network with given predictions, which records its tokens.
+/// A network with given predictions that records its tokens.
 struct Given {
     predictions: Vec<f32>,
     tokens: Arc<Mutex<Vec<f32>>>,
@@ -36,7 +36,7 @@ impl Stream for Given {
     fn clear(&mut self, _: usize) {}
 }
 
-/// A frame by the kernels of a text, after these lines; returns tokens and next states.
+/// Runs the two launches of a kernel text on a batch; returns tokens and next states.
 fn frame(
     compiler: &Compiler,
     (text, launches): (&str, [&str; 2]),
@@ -52,7 +52,7 @@ fn frame(
     let [tokens, faults, done, taken, memo] = [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);
     let predictions = bytes(predictions, f32::to_le_bytes);
     let buffers = [states, torques, scenes, scene_of, tokens, faults, done, held, predictions, taken, memo];
-    // Threads beyond the last do nothing.
+    // Threads beyond the last environment must do nothing.
     let lines = launches.map(|kernel| format!("for (blockIdx.x = 0; blockIdx.x < 8 * n; blockIdx.x++) {kernel};\n"));
     let found = compiler.launch(text, &format!("const int n = {n};\n{}", lines.concat()), &buffers);
     assert!(found[5].iter().all(|b| *b == 0), "{:?}", found[5]);
@@ -88,11 +88,11 @@ fn kernels_tell_and_apply_as_the_solver_does() {
             let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: None, seed: Some(4) };
             system = Arc::new((*system).clone().with_terrain(rubble).expect("in range"));
         }
-        // Most robots touch something.
+        // After these frames most robots are in contact.
         let batch = fallen(&system, scene, n, (Start::Sample, 5), 25);
         let torques: Vec<f64> = (0..n * system.robot.joint_count()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
         let mut model = placed(&system, form, Positions::Rotary);
-        // Every token entry depends on its normaliser, and predicted rotations are near the identity.
+        // Every token entry depends on the normaliser, and predicted rotations are near the identity.
         model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());
         if system.robot.floating() {
             model.normalizer.outputs.mean[6] = 1.0;
@@ -124,7 +124,7 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
     let mut batch = begin(&system, &config, 0, LEADS).expect("leads");
     let torques: Vec<f64> = (0..LEADS * joints).map(|k| if k % joints < 6 { 3.0 * (k as f64).sin() } else { 0.0 }).collect();
     let mut solver = ChainSolver::new(&model.weights, &model.normalizer, &system).expect("a solver");
-    // Until they lie on floor and pegs.
+    // Until the cables lie on floor and pegs.
     (0..40).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
 
     let (mut tokens, mut outputs, mut memory) = (Vec::new(), Vec::new(), Memory::default());
@@ -161,10 +161,10 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
     let (chain, residual) = (Architecture::Chain, Architecture::Residual);
     let chains = [([30, 18, 48, 8], 40), ([30, 18, 12, 3], 7)];
     let along = chains.iter().map(|(shape, tokens)| (network(chain, *shape, *tokens), *tokens, 3, Products::F32, 1e-5));
-    // A block has 64 rows; the second here has fewer.
+    // A block has 64 rows; the second one here has fewer.
     let alone = [[30, 18, 64, 3], [65, 64, 128, 2], [110, 29, 192, 2], [340, 29, 256, 2]]
         .map(|shape| (network(residual, shape, 1), 1, 70, Products::F16, 1e-3));
-    // The parts outside of its blocks are nearly f32.
+    // Without blocks the remaining products are nearly f32.
     let mut idle = network(residual, [340, 29, 256, 1], 1);
     let (tensors, starts) = (idle.config.tensors(), idle.config.program().starts());
     assert!(!held_in_f16(&idle.config.program(), &idle.flat), "numbers longer than f16's");
@@ -181,7 +181,7 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
         let full: Vec<f32> = inputs.chunks(c.inputs).flat_map(row).collect();
         let [weights_there, tokens_there] = [&*packed, &full].map(|numbers| bytes(numbers, f32::to_le_bytes));
         let buffers = [weights_there, tokens_there, vec![0; 4 * windows * tokens * c.outputs]];
-        // Unwritten memory is NaN.
+        // Unwritten shared memory is NaN.
         let text = whole.text.clone() + "extern \"C\" { float s[FLOATS]; }\n";
         let kernel = format!("for (float& x : s) x = NAN;\nwhole_pass(b[0], b[1], b[2], {windows});");
         let launches = format!("for (; blockIdx.x * WINDOWS < {windows}; blockIdx.x++) {{\n{kernel}\n}}");

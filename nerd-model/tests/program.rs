@@ -1,4 +1,4 @@
-//! Every operation and network on the CPU against its definition in burn: outputs, gradients with respect to weights and tokens.
+//! Every operation and network on the CPU against burn: outputs, gradients with respect to weights and tokens.
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::program::specimens::{TOKENS, WINDOWS, networks, operations};
@@ -14,7 +14,7 @@ fn every_operation_and_its_gradients_are_burns() {
     for specimen in operations().into_iter().chain(networks()) {
         let (name, expected) = (&specimen.name, specimen.by_burn());
         let (loaded, mut memory) = (Loaded::new(specimen.program.clone(), &specimen.flat), Memory::default());
-        // Twice, since a pass reuses the memory of the one before.
+        // Twice, since a pass reuses the memory of the previous one.
         for _ in 0..2 {
             let output = loaded.forward(&specimen.tokens, &mut memory, Pass::Kept(TOKENS)).clone();
             let (by_weights, by_tokens) = loaded.backward(TOKENS, &specimen.upstream, &mut memory, true);

@@ -1,5 +1,5 @@
-//! Networks on the CPU against the published parameter counts and the textbook's equations in plain f64 loops, written out here. Bound:
-//! rounding of f32.
+//! Networks on the CPU against the published parameter counts and against the textbook's equations in plain f64 loops.
+//! Tolerance: f32 rounding.
 
 use std::collections::HashMap;
 
@@ -23,15 +23,16 @@ const SMALL: TransformerConfig = TransformerConfig {
     architecture: Architecture::Transformer,
 };
 
-/// The same without a position table; a token attends to the last four.
+/// As `SMALL` without a position table; a token attends to the last four.
 const ROTARY: TransformerConfig = TransformerConfig { block: 20, history: 4, positions: Positions::Rotary, ..SMALL };
 
-/// Small networks of all kinds that distinguish the tokens of a window.
+/// Small networks of all kinds with windows of several tokens.
 fn all() -> [TransformerConfig; 3] {
     [SMALL, ROTARY, TransformerConfig { embedding: 8, layers: 2, architecture: Architecture::Residual, ..SMALL }]
 }
 
-/// Parameters ten times the usual spread, so that attention is far from uniform and every term matters.
+/// Random weights; a Transformer's are ten times as large as usual, so that attention is far from uniform and every
+/// term matters.
 fn lively(config: TransformerConfig, seed: u64) -> Weights {
     let mut w = Weights::init(config, seed);
     if config.architecture == Architecture::Transformer {
@@ -50,14 +51,14 @@ fn run(w: &Weights, x: &[f32], tokens: usize) -> Vec<f32> {
     Loaded::new(w.config.program(), &w.flat).forward(x, &mut Memory::default(), Pass::Kept(tokens)).clone()
 }
 
-/// The largest difference, relative to the largest entry above 1.
+/// The largest difference, relative to the largest entry of `b` or to 1 if that is larger.
 fn apart(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len());
     let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     worst / b.iter().fold(1.0f32, |m, x| m.max(x.abs()))
 }
 
-/// `erf` by its Maclaurin series, f64: exact to 1e-12 for the |x| < 5 seen here.
+/// `erf` by its Maclaurin series in f64: exact to 1e-12 for |x| < 5.
 fn erf(x: f64) -> f64 {
     if x.abs() > 5.0 {
         return x.signum();
@@ -148,8 +149,8 @@ fn predictions_are_the_equations() {
     }
 }
 
-/// One token a frame with kept keys and values, against the full banded pass since the environment was cleared. Windows of all frames that
-/// a prediction depends on (10) give the same, on the CPU and by burn.
+/// One token per frame with cached keys and values against the full banded pass since the last clear. Windows of all
+/// frames that a prediction depends on (10) give the same, on the CPU and by burn.
 #[test]
 fn the_stream_equals_the_banded_pass() {
     let (w, frames, envs) = (lively(ROTARY, 11), 36usize, 5usize);
@@ -178,7 +179,7 @@ fn the_stream_equals_the_banded_pass() {
             }
         }
     }
-    // These weights magnify rounding; the reference is burn's own error against the f64 pass.
+    // These weights magnify rounding, so burn's error against the f64 pass sets the tolerance.
     assert!(
         compared == 540 && worst.iter().zip([1.0, 1.0, 2.0]).all(|(w, share)| *w < 1e-5 + share * yardstick),
         "{compared} predictions: {worst:?}, {yardstick:.1e}"
@@ -208,7 +209,7 @@ fn windows_remember_frames_and_see_none_that_is_newer() {
     }
 }
 
-/// Padding after the newest token, and how windows are spread over threads, play no part.
+/// Padding after the newest token, and the split over threads, have no effect.
 #[test]
 fn the_evaluator_is_the_training_pass_at_the_newest_token() {
     for config in all() {
@@ -220,7 +221,7 @@ fn the_evaluator_is_the_training_pass_at_the_newest_token() {
         rows.iter().enumerate().for_each(|(w, row)| x[(row + 1) * config.inputs..(w + 1) * tokens * config.inputs].fill(9.0));
         let expected: Vec<f32> = rows.iter().flat_map(|row| all[row * 3..][..3].to_vec()).collect();
         let (mut found, mut evaluator) = (Vec::new(), PackedForward::new(&w));
-        // Twice, since a pass reuses the memory of the one before.
+        // Twice, since a pass reuses the memory of the previous one.
         for _ in 0..2 {
             evaluator.forward(&x, tokens, &last, &mut found).expect("fits");
             assert!(apart(&found, &expected) < 1e-5, "{config:?}: {:.1e}", apart(&found, &expected));

@@ -1,16 +1,16 @@
-//! Numbers in and out: numpy arrays that are checked, copied or created.
+//! Checks, copies and creates numpy arrays.
 
 use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-/// An array of numbers for Python.
+/// A float64 array for Python.
 pub type Floats<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// The numbers of an array of exactly this type and one of these shapes, in rows.
+/// Elements of an array with exactly this dtype and one of these shapes, in row-major order; `what` names the argument.
 ///
 /// # Errors
-/// `TypeError` for another object or type of numbers, `ValueError` for another shape.
+/// `TypeError` for another object or dtype, `ValueError` for another shape.
 pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: &[&[usize]]) -> PyResult<Vec<T>> {
     let wanted = numpy::dtype::<T>(given.py());
     let form = shapes.iter().map(|shape| format!("{shape:?}")).collect::<Vec<_>>().join(" or ");
@@ -28,13 +28,13 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     if !shapes.contains(&array.shape()) {
         return Err(PyValueError::new_err(format!("{what}: an array {form} is needed, not {:?}", array.shape())));
     }
-    // One read-only array may be borrowed more than once; one that Rust is writing to may not.
+    // Read-only borrows may overlap; an array that Rust writes to cannot be borrowed.
     let array = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{what}: {e}")))?;
-    // In row-major order, whatever its strides.
+    // Row-major order, whatever the strides.
     Ok(array.as_array().iter().copied().collect())
 }
 
-/// A new array of these numbers.
+/// A new array of these elements.
 ///
 /// # Errors
 /// `ValueError` if their count differs from the shape's.

@@ -1,4 +1,4 @@
-//! Arrays on a GPU: DLPack capsules, both ways, in the order of both sides' streams.
+//! Exchange of GPU arrays by DLPack capsules in both directions, ordered between the streams of both sides.
 
 use std::any::Any;
 use std::ffi::{CStr, c_void};
@@ -14,10 +14,10 @@ use crate::error::value;
 
 /// Name of a capsule until a consumer takes its content.
 const NAME: &CStr = c"dltensor";
-/// DLPack's code of a CUDA device.
+/// DLPack's device type of CUDA.
 const CUDA: i32 = 2;
 
-/// DLPack's type of a number: code, bits, lanes (1).
+/// DLPack's data type: code, bits, lanes (1).
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Kind(u8, u8, u16);
@@ -60,7 +60,7 @@ struct Kept {
     _memory: Arc<dyn Any + Send + Sync>,
 }
 
-/// An array on a GPU, which libraries take by `from_dlpack` without a copy.
+/// An array on a GPU; other libraries take it by `from_dlpack` without a copy.
 #[pyclass(frozen, module = "nerd")]
 pub struct CardArray {
     at: u64,
@@ -70,16 +70,16 @@ pub struct CardArray {
     order: Order,
 }
 
-/// The stream that writes an array; in a simulation, its solver's.
+/// The stream that writes an array; for a simulation's states, the solver's.
 pub type Order = Arc<Mutex<Beside>>;
 
-/// The stream of this order.
+/// The present stream.
 pub fn beside(order: &Order) -> Beside {
     order.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 impl CardArray {
-    /// Shared memory as an array of this kind and shape.
+    /// Shared GPU memory as an array of this data type and shape.
     pub fn new<T: 'static, M: Any + Send + Sync>(memory: &Arc<M>, of: &Buffer<T>, kind: Kind, shape: &[usize], order: &Order) -> Self {
         debug_assert_eq!(of.len, shape.iter().product::<usize>());
         let shape = shape.iter().map(|n| *n as i64).collect();
@@ -88,16 +88,16 @@ impl CardArray {
 }
 
 unsafe extern "C" fn delete(managed: *mut Managed) {
-    // SAFETY: the caller got both from `__dlpack__`, and calls once.
+    // SAFETY: `managed` and `kept` are boxes made by `__dlpack__`, and the consumer calls once.
     unsafe {
         let managed = Box::from_raw(managed);
         drop(Box::from_raw(managed.kept.cast::<Kept>()));
     }
 }
 
-/// Destructor of a capsule whose content may not have been taken.
+/// Destructor of a capsule: deletes the content unless a consumer has taken it.
 unsafe extern "C" fn end(capsule: *mut PyObject) {
-    // SAFETY: Python calls it once, and while the name is still ours nobody else deletes the content.
+    // SAFETY: Python calls it once; while the capsule has our name, its content is still ours to delete.
     unsafe {
         if PyCapsule_IsValid(capsule, NAME.as_ptr()) == 1 {
             delete(PyCapsule_GetPointer(capsule, NAME.as_ptr()).cast());
@@ -142,16 +142,16 @@ impl CardArray {
             first: 0,
         };
         let managed = Box::new(Managed { tensor, kept: Box::into_raw(kept).cast(), delete: Some(delete) });
-        // SAFETY: the capsule owns its content until a consumer takes it, and is Python's object from here on.
+        // SAFETY: the capsule owns its content until a consumer takes it; Python owns the capsule.
         unsafe { Bound::from_owned_ptr_or_err(py, PyCapsule_New(Box::into_raw(managed).cast(), NAME.as_ptr(), Some(end))) }
     }
 }
 
-/// The address of an array on this GPU of exactly this kind and shape, row-major; the stream waits until it is written. After reading it,
-/// the caller makes the other side's stream wait for the read.
+/// The address of an array on this GPU with exactly this data type and shape, row-major; `stream` waits until the array
+/// is written. The caller must make the other side's stream wait until the array is read.
 ///
 /// # Errors
-/// `TypeError` for another object, device or kind, `ValueError` for another shape or layout.
+/// `TypeError` for another object, device or data type, `ValueError` for another shape or layout.
 pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize], stream: &Beside) -> PyResult<u64> {
     let wrong =
         |found: String| PyTypeError::new_err(format!("{what}: an array of {} {shape:?} on the card is needed, not {found}", kind.name()));
@@ -164,7 +164,7 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
     let asked = pyo3::types::PyDict::new(given.py());
     asked.set_item("stream", stream.handle())?;
     let capsule = given.call_method("__dlpack__", (), Some(&asked))?;
-    // SAFETY: a capsule of this name holds a `DLManagedTensor`, whose array the caller keeps.
+    // SAFETY: a capsule with this name holds a `DLManagedTensor`, and the caller keeps its array alive.
     let tensor = unsafe {
         let managed = PyCapsule_GetPointer(capsule.as_ptr(), NAME.as_ptr()).cast::<Managed>();
         if managed.is_null() {
@@ -176,7 +176,7 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
         return Err(wrong(format!("of {}", tensor.kind.name())));
     }
     let axes = tensor.axes.max(0) as usize;
-    // SAFETY: both have one entry per axis; strides may be null.
+    // SAFETY: shape and strides have one entry per axis; strides may be null.
     let (found, strides) = unsafe {
         let list = |at: *mut i64| if axes == 0 || at.is_null() { Vec::new() } else { std::slice::from_raw_parts(at, axes).to_vec() };
         (list(tensor.shape), list(tensor.strides))

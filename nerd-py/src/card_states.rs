@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::card::{CardArray, DOUBLE, Order, address, beside};
 
-/// The states, and the array library in which they are shown.
+/// The states, and the array library that presents them.
 pub struct Card {
     shared: Mutex<SharedStates>,
     states: Arc<Buffer<f64>>,
@@ -18,7 +18,7 @@ pub struct Card {
 }
 
 impl Card {
-    /// The states of a simulation, kept on the GPU from here on.
+    /// Moves the states of a simulation to the GPU.
     pub fn new(simulation: &mut Simulation, xp: Py<PyAny>) -> Result<Self, StepError> {
         let shared = SharedStates::new(simulation)?;
         let (states, order) = (shared.states.clone(), Arc::new(Mutex::new(shared.beside())));
@@ -38,12 +38,12 @@ impl Card {
         Ok(())
     }
 
-    /// The address of torques on the GPU.
+    /// The GPU address of torques.
     pub fn torques(&self, tau: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<u64> {
         address("tau", tau, DOUBLE, shape, &beside(&self.order))
     }
 
-    /// The states as an array of the library, whose stream waits for them.
+    /// The states as an array of the library; its stream waits for them.
     pub fn states<'py>(&self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
         let array = CardArray::new(&self.states, &self.states, DOUBLE, shape, &self.order);
         self.xp.bind(py).call_method1("from_dlpack", (array,))

@@ -1,4 +1,4 @@
-//! Episodes that stay on a card, below `nerd.make_vec(..., device="cuda")`.
+//! Episodes on a GPU, the basis of `nerd.make_vec(..., device="cuda")`.
 
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,15 +11,15 @@ use crate::error::value;
 use crate::system::Named;
 use crate::task::read;
 
-/// Episodes of a task in n environments on a card, whose results are arrays there: the same memory in every step.
+/// Episodes of a task in n environments on a GPU. Results are GPU arrays with the same memory in every step.
 ///
 /// CardTask(name, robot=None, n=1, solver="articulated", family=None)
 #[pyclass(frozen, module = "nerd")]
 pub struct CardTask {
-    /// Numbers of an observation.
+    /// Length of an observation.
     #[pyo3(get)]
     observation: usize,
-    /// Numbers of an action, each from -1 to 1.
+    /// Length of an action; each component is from -1 to 1.
     #[pyo3(get)]
     action: usize,
     n: usize,
@@ -45,18 +45,20 @@ impl CardTask {
         Ok(Self { observation, action, n, order: Arc::new(Mutex::new(inner.beside())), inner: Mutex::new(inner) })
     }
 
-    /// step(actions): float32 [n, action] on the card. It does not wait; arrays() are what comes of it.
+    /// step(actions): steps all environments with float32 [n, action] on the GPU, without waiting; results appear in
+    /// arrays().
     fn step(&self, py: Python<'_>, actions: &Bound<'_, PyAny>) -> PyResult<()> {
         let actions = address("actions", actions, SINGLE, &[self.n, self.action], &beside(&self.order))?;
         self.with(py, |all| all.step(actions))
     }
 
-    /// reset(seed): the first episodes of a seed.
+    /// reset(seed): begins the first episodes of a seed.
     fn reset(&self, py: Python<'_>, seed: u64) -> PyResult<()> {
         self.with(py, |all| all.seeded(seed))
     }
 
-    /// Observations, rewards, terminated, truncated, and observations reached before ended episodes began anew.
+    /// Observations [n, observation], rewards [n], terminated [n], truncated [n], and the observations [n, observation]
+    /// reached before ended episodes restarted.
     fn arrays(&self) -> [CardArray; 5] {
         let shown = self.inner.lock().unwrap_or_else(PoisonError::into_inner).shown().clone();
         let (rows, n) = ([self.n, self.observation], [self.n]);
@@ -71,7 +73,7 @@ impl CardTask {
         ]
     }
 
-    /// Episodes that the solver could not go on with since this was asked last, which ended without a reward. It waits for the card.
+    /// Number of episodes since the last call that ended, without reward, because the solver failed. Waits for the GPU.
     fn failed(&self, py: Python<'_>) -> PyResult<usize> {
         self.with(py, CudaEpisodes::failed)
     }

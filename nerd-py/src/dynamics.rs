@@ -1,4 +1,5 @@
-//! Mass matrices, Jacobians and inverse dynamics in the layout of a state: velocities, accelerations and forces as its qd.
+//! Mass matrices, Jacobians and inverse dynamics, with velocities, accelerations and forces in the layout of a state's
+//! qd.
 
 use nerd_core::dynamics::{Axes, Data};
 use nerd_core::nalgebra::{DMatrix, DVector, Vector3};
@@ -10,7 +11,8 @@ use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 
-/// Calls `work` for each state (or the only one) and its row of `beside`: an array of `shape` a state.
+/// Calls `work` with each state and its row of `beside`; returns an array of `shape` for each state. A single state
+/// gives a single array.
 pub fn each<'py>(
     py: Python<'py>,
     system: &Robot,
@@ -28,7 +30,7 @@ pub fn each<'py>(
         let mut data = system.data();
         let all = states.chunks_exact(width).enumerate().map(|(k, state)| {
             let beside = beside.as_ref().map_or(&[][..], |beside| &beside[k * nv..][..nv]);
-            // Row by row.
+            // Row-major.
             work(&mut data, state, beside).transpose()
         });
         all.flat_map(|matrix| matrix.data.as_vec().clone()).collect()
@@ -36,7 +38,7 @@ pub fn each<'py>(
     made(py, found, &like(shape))
 }
 
-/// The matrix that maps a velocity of a state to one of the dynamics.
+/// The matrix that maps qd of a state to the velocities of `nerd_core::dynamics`.
 fn local(system: &Robot, q: &[f64]) -> DMatrix<f64> {
     let nv = system.robot.nv();
     let mut turn = DMatrix::identity(nv, nv);
@@ -56,7 +58,8 @@ pub fn jacobian(system: &Robot, frame: &FixedFrame, data: &mut Data, state: &[f6
     data.jacobian(&system.robot, q, frame, Axes::World) * turn
 }
 
-/// Forces for accelerations, which are rates of a state's twist: the linear part has `w x p_dot` more than the root's acceleration.
+/// Generalised forces for `rates`, the time derivative of a state's qd. For a free root, adding `w x p_dot` to the
+/// linear part of the mapped rates gives the root's acceleration.
 pub fn inverse_dynamics(system: &Robot, data: &mut Data, state: &[f64], rates: &[f64]) -> DMatrix<f64> {
     let (robot, turn) = (&system.robot, local(system, state));
     let (q, qd) = robot.split(state);

@@ -1,4 +1,4 @@
-//! Errors of the libraries as Python's own kinds, each with its one line.
+//! Maps errors of the libraries to Python exceptions, each with one line.
 
 use std::ffi::CString;
 use std::fmt::Display;
@@ -7,12 +7,12 @@ use nerd_sim::prelude::{StepError, System};
 use nerd_train::bounds;
 use pyo3::{PyErr, PyResult, Python, exceptions};
 
-/// A wrong argument.
+/// A `ValueError` for a wrong argument.
 pub fn value(error: impl Display) -> PyErr {
     exceptions::PyValueError::new_err(error.to_string())
 }
 
-/// A failed step: an unsupported feature is a ValueError, a failure to continue a RuntimeError.
+/// A failed step: `ValueError` for an unsupported feature, else `RuntimeError`.
 pub fn step(error: StepError) -> PyErr {
     match error {
         StepError::Refused(line) => value(line),
@@ -20,7 +20,7 @@ pub fn step(error: StepError) -> PyErr {
     }
 }
 
-/// Refuses numbers of environments out of range, or that need more memory than there is, at `each` bytes an environment.
+/// Refuses a number of environments out of range or beyond the available memory, at `each` bytes an environment.
 pub fn room(n: i64, each: usize) -> PyResult<usize> {
     let (range, found) = (bounds::STARTS, u64::try_from(n).unwrap_or(0));
     if !range.contains(&found) {
@@ -30,7 +30,7 @@ pub fn room(n: i64, each: usize) -> PyResult<usize> {
     Ok(found as usize)
 }
 
-/// Refuses a seed below 0.
+/// Refuses a negative seed.
 pub fn seeded(seed: i64) -> PyResult<u64> {
     u64::try_from(seed).map_err(|_| value(format!("seed={seed}: a whole number from 0 on is needed")))
 }

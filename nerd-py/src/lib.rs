@@ -1,5 +1,5 @@
-//! The Python package `nerd`: objects of the libraries, with numpy arrays at the door. No physics and no training is here; what
-//! Python imports is in `python/nerd`.
+//! The native module of the Python package `nerd`: the libraries' objects with numpy arrays as input and output. Python
+//! sources are in `python/nerd`.
 
 mod arrays;
 #[cfg(feature = "cuda")]
@@ -10,9 +10,9 @@ mod card_states;
 mod card_task;
 mod dynamics;
 mod error;
+mod gradients;
 mod model;
 mod simulation;
-mod slopes;
 mod solver;
 mod system;
 mod task;
@@ -27,17 +27,17 @@ mod _nerd {
     #[pymodule_export]
     use crate::card_task::CardTask;
     #[pymodule_export]
+    use crate::gradients::{linearise, vjp};
+    #[pymodule_export]
     use crate::model::{Model, Policy};
     #[pymodule_export]
     use crate::simulation::Simulation;
-    #[pymodule_export]
-    use crate::slopes::{linearise, vjp};
     #[pymodule_export]
     use crate::system::System;
     #[pymodule_export]
     use crate::task::Task;
 
-    /// Finds numpy during import, where Ctrl-C and a missing numpy are Python's errors.
+    /// Loads numpy during import, where Ctrl-C and a missing numpy raise Python's own errors.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.py().import("numpy")?;
@@ -45,7 +45,7 @@ mod _nerd {
         Ok(())
     }
 
-    /// The command line; the exit code.
+    /// Runs a command line; returns the exit code.
     #[pyfunction]
     fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
         py.detach(|| xtask::call(words))

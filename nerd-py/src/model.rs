@@ -1,4 +1,4 @@
-//! Models and policies as folders that hold them.
+//! Models and policies, read from their folders.
 
 use std::path::PathBuf;
 
@@ -13,25 +13,25 @@ use crate::system::Named;
 use crate::task::read;
 use crate::threads;
 
-/// A trained model: a folder that may stand wherever a solver is named.
+/// A trained model: its folder is accepted wherever a solver is named.
 ///
-/// Model(folder). Raises ValueError if it holds none.
+/// Model(folder). Raises ValueError if the folder holds no model.
 #[pyclass(frozen, module = "nerd")]
 pub struct Model {
     folder: PathBuf,
-    /// Name of its robot.
+    /// Name of the model's robot.
     #[pyo3(get)]
     robot: String,
-    /// The solver that it learned.
+    /// The solver whose motion the model learned.
     #[pyo3(get)]
     truth: String,
     /// SHA-256 of everything that determines its predictions.
     #[pyo3(get)]
     sha256: String,
-    /// Weights of its network.
+    /// Number of the network's weights.
     #[pyo3(get)]
     parameters: usize,
-    /// Frames that a prediction depends on; a model of one frame has gradients.
+    /// Number of frames that a prediction depends on; a model of one frame has gradients.
     #[pyo3(get)]
     reach: usize,
 }
@@ -41,7 +41,7 @@ impl Model {
     #[new]
     fn new(folder: PathBuf) -> PyResult<Self> {
         let ModelConfig { robot, truth, model_sha256: sha256, network, .. } = ModelConfig::read(&folder).map_err(value)?;
-        // An absolute path stays valid wherever others work.
+        // An absolute path stays valid in other working directories.
         let folder = std::path::absolute(folder)?;
         Ok(Self { folder, robot, truth, sha256, parameters: network.parameters(), reach: network.reach() })
     }
@@ -55,13 +55,13 @@ impl Model {
     }
 }
 
-/// A trained policy.
+/// A trained policy: policy(rows) gives its mean actions.
 ///
-/// Policy(folder). Raises ValueError if it holds none.
+/// Policy(folder). Raises ValueError if the folder holds no policy.
 #[pyclass(frozen, module = "nerd")]
 pub struct Policy {
     folder: PathBuf,
-    /// The task that it was trained for.
+    /// The task that the policy was trained for.
     #[pyo3(get)]
     task: String,
     policy: nerd_train::ppo::Policy,
@@ -85,7 +85,8 @@ impl Policy {
         format!("Policy({:?}, task={:?}, inputs={})", self.folder.display().to_string(), self.task, self.inputs())
     }
 
-    /// Numbers of an input row: an observation; for a policy with memory, the newest one and differences of the last ones.
+    /// Length of an input row: an observation. For a policy with memory, the newest observation and differences of the
+    /// last ones.
     #[getter]
     fn inputs(&self) -> usize {
         self.policy.shape.inputs()
@@ -101,8 +102,9 @@ impl Policy {
         made(py, actions, &[n, action][usize::from(alone)..])
     }
 
-    /// play(n, seed=0, solver="articulated", device="cpu", family=None): rewards and lengths, float64 [n], of n first episodes under mean actions, as
-    /// the command line's `policy evaluate` plays them.
+    /// play(n, seed=0, solver="articulated", device="cpu", family=None): plays the first episode in each of n
+    /// environments under mean actions, as the command `policy evaluate` does. Returns sums of rewards and lengths
+    /// (steps), float64 [n] each.
     #[pyo3(signature = (n, seed=0, solver=PathBuf::from("articulated"), device="cpu", family=None))]
     fn play<'py>(
         &self,

@@ -17,34 +17,34 @@ use crate::arrays::{Floats, made, numbers};
 #[cfg(feature = "cuda")]
 use crate::card_states::Card;
 use crate::error::{alike, room, seeded, step, value};
-use crate::solver::Choice;
+use crate::solver;
 use crate::system::{Named, System};
 use crate::threads;
 
 /// n environments of one system, and the solver that steps them.
 ///
-/// Several threads may call its methods, which wait for each other. Its `states` have no lock: nobody reads or writes them while another
-/// thread steps.
+/// Methods may be called from several threads; they wait for each other. `states` has no lock: do not read or write it
+/// while another thread steps.
 ///
-/// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0, xp=None)
+/// Simulation(system, scene=None, n=1, solver=None, device="cpu", seed=0, xp=None, vary=False)
 ///
 /// system: a System, or its name or path. scene: a name; None means the scene of the robot's data, or free space.
-/// solver: "articulated", "settled" (the same, each substep solved to convergence, for exact gradients), "rapier", "neural" (the model that
-/// comes with the project) or the path of a model's folder.
-/// seed: of the random starts, here and by reset().
-/// xp: with device="cuda", the library of arrays on the GPU, such as torch: states and tau are its arrays. Everything else is copied over
-/// the host.
+/// solver: a solver's text, such as "articulated(substeps=4)", "rapier", "neural" (the shipped model), or the path of a
+/// model's folder; None means the robot's own truth. "articulated(settled)" solves each substep to convergence, for exact
+/// gradients.
+/// seed: seed of the random starts, here and in reset().
+/// xp: with device="cuda", the array library on the GPU, such as torch: states and tau are its arrays. Everything
+/// else is copied to the host.
+/// vary: if true, each environment has its own robot, drawn by the [vary] section of the robot's TOML.
 ///
-/// vary: each environment has a robot of its own, drawn by [vary] of its TOML.
-///
-/// Raises ValueError, in one line, for arguments that do not fit each other.
+/// Raises ValueError, in one line, for incompatible arguments.
 #[pyclass(frozen, module = "nerd")]
 pub struct Simulation {
     /// The robot.
     #[pyo3(get, name = "system")]
     named: System,
     pub system: Arc<Robot>,
-    /// Environments.
+    /// Number of environments.
     #[pyo3(get)]
     pub n: usize,
     /// Address of the batch's states, which solvers write to and never move.
@@ -59,13 +59,13 @@ pub struct Simulation {
 /// State that one thread at a time works with.
 pub struct Inner {
     pub simulation: nerd_sim::prelude::Simulation,
-    /// Starts drawn by environment.
+    /// Number of starts drawn, by environment.
     drawn: Vec<u64>,
     faults: Vec<Fault>,
 }
 
 impl Simulation {
-    /// Works without Python's lock, on this thread alone.
+    /// Runs `work` on the locked state without Python's GIL, after copying results from the GPU.
     pub fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Inner) -> T + Send) -> PyResult<T> {
         threads::here(self.n)?;
         let done = py.detach(|| {
@@ -79,7 +79,8 @@ impl Simulation {
         done.map_err(step)
     }
 
-    /// Applies a change that undoes itself when repeated: if the GPU cannot step the result, the former state is restored.
+    /// Applies `turn`, which undoes itself when applied twice: if the GPU refuses the result, the former state is
+    /// restored.
     fn change(&self, py: Python<'_>, mut turn: impl FnMut(&mut nerd_sim::prelude::Simulation) + Send) -> PyResult<()> {
         let done = self.with(py, |inner| -> Result<(), StepError> {
             turn(&mut inner.simulation);
@@ -103,7 +104,7 @@ impl Simulation {
         made(py, found.map_err(value)?.concat(), &[self.n, width])
     }
 
-    /// Torques, states.
+    /// Lengths of a torque row and of a state.
     pub fn widths(&self) -> [usize; 2] {
         [self.system.robot.joint_count(), self.system.robot.state_dim()]
     }
@@ -112,14 +113,14 @@ impl Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, xp=None, vary=false))]
+    #[pyo3(signature = (system, scene=None, n=1, solver=None, device="cpu", seed=0, xp=None, vary=false))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         system: Named,
         scene: Option<&str>,
         n: i64,
-        solver: PathBuf,
+        solver: Option<PathBuf>,
         device: &str,
         seed: i64,
         xp: Option<Py<PyAny>>,
@@ -127,13 +128,13 @@ impl Simulation {
     ) -> PyResult<Self> {
         let named = system.read()?;
         let system = named.system.clone();
-        let choice = Choice::new(solver, device)?;
-        match (choice.device != Device::Cpu, &xp) {
+        let spec = solver::spec(solver.as_deref(), device, &system)?;
+        match (spec.device() != Device::Cpu, &xp) {
             (true, None) => return Err(value("device=\"cuda\": name the library of its arrays, too, as in xp=torch")),
             (false, Some(_)) => return Err(value("xp: arrays of another library are on the card alone: device=\"cuda\"")),
             _ => {}
         }
-        // Twice the states, forces, and a solver's memory of one environment.
+        // Bytes per environment: two copies of the states, contact forces, and the solver's memory.
         let n = room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let (scene, seed) = (scene.unwrap_or(named.data_scene()), seeded(seed)?);
         let batch = match (vary, system.spec.vary.is_some()) {
@@ -145,7 +146,7 @@ impl Simulation {
         if !vary {
             alike(&system, "vary=True")?;
         }
-        let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };
+        let simulation = nerd_sim::prelude::Simulation { batch, solver: solver::solver(&spec, &system, n)? };
         let states = simulation.batch.states.as_ptr() as usize;
         let inner = Inner { simulation, drawn: vec![0; n], faults: Vec::new() };
         #[allow(unused_mut)]
@@ -155,7 +156,7 @@ impl Simulation {
             n,
             states,
             seed,
-            device: choice.device,
+            device: spec.device(),
             #[cfg(feature = "cuda")]
             card: None,
             inner: Mutex::new(inner),
@@ -168,10 +169,12 @@ impl Simulation {
         Ok(made)
     }
 
-    /// step(tau): one frame under torques [n, joints] (N m or N), held over it, a numpy array of float64, or one on the card.
+    /// step(tau): steps one frame under torques [n, joints] (N m or N), held over the frame: a numpy array of float64,
+    /// or a GPU array of `xp`.
     ///
-    /// Raises RuntimeError if environments could not be stepped: `faults` lists them, they keep their states, all others were stepped. On a
-    /// GPU it neither waits nor raises; a failed environment of a model stays in place until it is reset.
+    /// Raises RuntimeError if some environments could not be stepped: `faults` lists them, they keep their states, and
+    /// all others were stepped. On a GPU the call neither waits nor raises; a failed environment of a model stays in
+    /// place until reset.
     fn step(&self, py: Python<'_>, tau: &Bound<'_, PyAny>) -> PyResult<()> {
         #[cfg(feature = "cuda")]
         if let Some(card) = &self.card {
@@ -181,7 +184,7 @@ impl Simulation {
                 card.shared().step(&mut inner.simulation, tau)
             });
             done.map_err(step)?;
-            // Its stream now waits until tau is read.
+            // Makes the stream of `tau` wait until `tau` is read.
             return card.states(py, &[self.n, self.widths()[1]]).map(drop);
         }
         let tau = numbers::<f64>("tau", tau, &[&[self.n, self.widths()[0]]])?;
@@ -196,9 +199,9 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// The states [q, qd], float64 [n, nq + nv]: not a copy but the batch's own memory, which every step writes to. Do not read or write it
-    /// while another thread steps. A model of several frames has memory: after you have written to the states, call reset(states=states).
-    /// On a GPU this is an array of `xp`, not a copy either.
+    /// The states [q, qd], float64 [n, nq + nv]: a view of the memory that every step writes to, not a copy. Do not
+    /// read or write it while another thread steps. A model of several frames has memory: after writing to the states,
+    /// call reset(states=states). On a GPU this is an array of `xp`, also a view.
     #[getter]
     fn states<'py>(this: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let own = this.get();
@@ -207,15 +210,16 @@ impl Simulation {
         if let Some(card) = &own.card {
             return card.states(this.py(), &[shape.0, shape.1]);
         }
-        // SAFETY: the memory is a batch's, which lives and stays in place as long as `this`, the array's base.
+        // SAFETY: the memory is the batch's, which stays in place as long as `this`, the array's base, lives.
         unsafe {
             let view = ArrayView2::from_shape_ptr(shape, own.states as *const f64);
             Ok(PyArray2::borrow_from_array(&view, this.into_any()).into_any())
         }
     }
 
-    /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. They begin at states, float64 [n, nq + nv] or
-    /// one for all, or else at random by the robot's own reset ranges.
+    /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. They start at states,
+    /// float64 [n, nq + nv], or [nq + nv] for all. Without states they start at random within the robot's reset ranges.
+    /// Raises ValueError for a quaternion of zeros.
     #[pyo3(signature = (mask=None, states=None))]
     fn reset(&self, py: Python<'_>, mask: Option<&Bound<'_, PyAny>>, states: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let (n, [_, width]) = (self.n, self.widths());
@@ -250,26 +254,28 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// poses(name): world pose of a link or a frame, float64 [n, 7]: position (m), quaternion x y z w.
+    /// poses(name): world poses of a link or a frame, float64 [n, 7]: position (m), quaternion x y z w.
     fn poses<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         let numbers = |p: Isometry3<f64>| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat();
         self.each(py, 7, |batch, env| batch.pose(env, name).map(numbers))
     }
 
-    /// velocities(name): of a link or a frame, float64 [n, 6]: angular (rad/s), linear of its origin (m/s), world axes.
+    /// velocities(name): velocities of a link or a frame, float64 [n, 6]: angular (rad/s), linear of its origin (m/s),
+    /// world axes.
     fn velocities<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         self.each(py, 6, |batch, env| batch.velocity(env, name).map(|v| v.vector().as_slice().to_vec()))
     }
 
-    /// contact_forces(link): mean force (N) of the scene on a moving link in the last frame, world axes, float64 [n, 3]. Raises ValueError
-    /// before the first frame and after one of a solver that reports no forces.
+    /// contact_forces(link): mean contact force (N) of the scene on a moving link over the last frame, world axes,
+    /// float64 [n, 3]. Raises ValueError before the first frame and after a frame of a solver that reports no forces.
     fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
         self.each(py, 3, |batch, env| batch.contact_force(env, link).map(|f| f.as_slice().to_vec()))
     }
 
-    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint in addition to a step's torques, in each
-    /// of the solver's substeps (so stiff gains stay stable) and within the joints' efforts. Each is float64 [n, joints], [joints], or a
-    /// number. Default gains are those in the robot's TOML, or else chosen to hold its weight. drive(None) ends it.
+    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint in addition to a
+    /// step's torques. It is evaluated in each substep of the solver, so stiff gains stay stable, and limited to the
+    /// joints' efforts. Each argument is float64 [n, joints], [joints], or a number. Default gains are from the robot's
+    /// TOML, or else chosen to hold its weight. drive(None) ends it.
     #[pyo3(signature = (targets, kp=None, kd=None))]
     fn drive(
         &self,
@@ -305,7 +311,9 @@ impl Simulation {
 
     /// swap(solver): continues with another solver from the same states, on the same device.
     fn swap(&self, py: Python<'_>, solver: PathBuf) -> PyResult<()> {
-        let mut solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
+        let device = if self.device.is_cuda() { "cuda" } else { "cpu" };
+        let spec = solver::spec(Some(&solver), device, &self.system)?;
+        let mut solver = solver::solver(&spec, &self.system, self.n)?;
         self.change(py, |simulation| std::mem::swap(&mut simulation.solver, &mut solver))
     }
 

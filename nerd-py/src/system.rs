@@ -19,14 +19,14 @@ use crate::error::value;
 #[derive(Clone)]
 pub struct System {
     pub system: Arc<nerd_sim::prelude::System>,
-    /// The name or path it was read by.
+    /// Built-in name, or absolute path.
     source: String,
 }
 
 impl System {
-    /// One that was read by this name.
+    /// A loaded system with its name or path.
     pub fn of(name: &Path, system: Arc<nerd_sim::prelude::System>) -> Self {
-        // An absolute path stays valid wherever others work. Built-in names have no extension, file names do.
+        // An absolute path stays valid in other working directories. Only file names have an extension.
         let file = name.extension().and_then(|_| std::path::absolute(name).ok());
         Self { system, source: file.as_deref().unwrap_or(name).to_string_lossy().into_owned() }
     }
@@ -39,32 +39,33 @@ impl System {
         Ok(Self::of(&name, nerd_sim::prelude::System::named(&name.to_string_lossy()).map_err(value)?))
     }
 
-    /// The name that it was read by, or the absolute path.
+    /// The built-in name, or the absolute path.
     #[getter]
     fn source(&self) -> &str {
         &self.source
     }
 
-    /// Its name.
+    /// Name of the robot.
     #[getter]
     fn name(&self) -> &str {
         &self.system.name
     }
 
-    /// One control frame (s).
+    /// Duration of a control frame (s).
     #[getter]
     fn frame_time(&self) -> f64 {
         self.system.frame_time
     }
 
-    /// Numbers of the coordinates q: joints (rad or m), of a free root before them position (m) and quaternion x y z w.
+    /// Length of the coordinates q. A free root comes first: position (m) and quaternion x y z w; then joints (rad or
+    /// m).
     #[getter]
     fn nq(&self) -> usize {
         self.system.robot.nq()
     }
 
-    /// Degrees of freedom, numbers of the velocities qd: joints (rad/s or m/s), of a free root before them its twist about the world's
-    /// origin (rad/s, m/s).
+    /// Degrees of freedom, the length of the velocities qd. A free root comes first: twist about the world's origin
+    /// (rad/s, m/s); then joints (rad/s or m/s).
     #[getter]
     fn nv(&self) -> usize {
         self.system.robot.nv()
@@ -76,7 +77,8 @@ impl System {
         self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Largest effort of each joint (N m or N), infinite where its file gives none. Drives keep it; torques given directly do not.
+    /// Torque limit of each joint (N m or N), float64 [joints], infinite if its file gives none. Drives are limited;
+    /// torques given to step() are not.
     #[getter]
     fn efforts<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let efforts: Vec<f64> = self.system.robot.joints().map(|joint| joint.effort).collect();
@@ -98,13 +100,13 @@ impl System {
         self.system.robot.mass()
     }
 
-    /// Gravity (m/s^2), by axis of the world: up is the opposite direction.
+    /// Gravity (m/s^2) in world axes; up is the opposite direction.
     #[getter]
     fn gravity(&self) -> [f64; 3] {
         self.system.spec.gravity
     }
 
-    /// Its default state [q, qd], at rest.
+    /// The default state [q, qd], with zero velocities, float64 [nq + nv].
     #[getter]
     fn default_state<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let state = self.system.default_state();
@@ -118,19 +120,19 @@ impl System {
         self.system.robot.links.iter().map(|link| link.name.as_str()).collect()
     }
 
-    /// Names of frames fixed on a link or on the base (soles, tools); poses accept them, too.
+    /// Names of frames fixed on a link or on the base (soles, tools); Simulation.poses and velocities accept them, too.
     #[getter]
     fn frames(&self) -> Vec<&str> {
         self.system.robot.frames.iter().map(|frame| frame.name.as_str()).collect()
     }
 
-    /// Names of the numbers of a state [q, qd].
+    /// Names of the components of a state [q, qd].
     #[getter]
     fn columns(&self) -> Vec<&str> {
         self.system.spec.state_columns.iter().map(String::as_str).collect()
     }
 
-    /// Names of its scenes.
+    /// Names of the scenes.
     #[getter]
     fn scenes(&self) -> Vec<&str> {
         self.system.all_scenes()
@@ -148,25 +150,27 @@ impl System {
         self.system.notes.iter().map(String::as_str).collect()
     }
 
-    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; one state [nq + nv] gives
-    /// one matrix. The kinetic energy is `qd M qd / 2`. Rows and columns, here and below, follow qd in `columns`: for a free root the twist
-    /// about the world's origin.
+    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; one
+    /// state [nq + nv] gives one matrix. The kinetic energy is `qd M qd / 2`. Rows and columns, here and below, follow
+    /// qd in `columns`: for a free root the twist about the world's origin.
     fn mass_matrix<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let nv = self.nv();
         dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| dynamics::mass_matrix(&self.system, data, state))
     }
 
-    /// jacobian(name, states): of a link or a frame, float64 [n, 6, nv]: `J qd` is its angular velocity (rad/s) and its origin's velocity
-    /// (m/s), world axes; `J^T` maps a moment (N m) and a force (N) there to joint forces.
+    /// jacobian(name, states): Jacobian J of a link or a frame, float64 [n, 6, nv], for states as in mass_matrix.
+    /// `J qd` is its angular velocity (rad/s) and its origin's velocity (m/s), world axes. `J^T` maps a moment (N m)
+    /// and a force (N) there to generalised forces.
     fn jacobian<'py>(&self, py: Python<'py>, name: &str, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let frame = self.system.robot.frame(name).map_err(value)?;
         let of = |data: &mut Data, state: &[f64], _: &[f64]| dynamics::jacobian(&self.system, &frame, data, state);
         dynamics::each(py, &self.system, states, None, &[6, self.nv()], of)
     }
 
-    /// inverse_dynamics(states, accelerations=None): forces `M qdd + h`, float64 [n, nv] (N m or N; for a free root the moment about the
-    /// world's origin and the force), for the rates qdd of qd, [n, nv]; without them h: gravity, Coriolis and centrifugal forces. Damping,
-    /// limits and contact are excluded.
+    /// inverse_dynamics(states, accelerations=None): generalised forces `M qdd + h`, float64 [n, nv], for qdd, the time
+    /// derivative of qd, [n, nv]. Joint forces are in N m or N; for a free root they are the moment about the world's
+    /// origin and the force. Without accelerations the result is the bias forces h: gravity, Coriolis and centrifugal.
+    /// Damping, limits and contact are excluded.
     #[pyo3(signature = (states, accelerations=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -184,12 +188,12 @@ impl System {
     }
 }
 
-/// A system, or the name of one.
+/// A system, or its name or path.
 #[derive(FromPyObject)]
 pub enum Named {
-    /// A system.
+    /// A loaded system.
     System(System),
-    /// A name or path to read.
+    /// A name or path to load.
     Name(PathBuf),
 }
 
@@ -202,7 +206,7 @@ impl Named {
         }
     }
 
-    /// The system.
+    /// Loads the system if necessary.
     pub fn read(self) -> PyResult<System> {
         match self {
             Self::System(system) => Ok(system),

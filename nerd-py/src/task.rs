@@ -1,4 +1,4 @@
-//! Episodes of a task in many environments, from which `nerd.gym` makes environments.
+//! Episodes of a task in many environments, the basis of `nerd.gym`.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -9,21 +9,21 @@ use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 use crate::error::{alike, room, seeded, step, value};
-use crate::solver::Choice;
+use crate::solver;
 use crate::system::{Named, System};
 use crate::threads;
 
-/// Rewards, terminated, truncated, observations reached, errors, faults, terms.
+/// Rewards, terminated, truncated, observations reached, errors, faults, reward terms.
 type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>, Floats<'py>);
 type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 
-/// Episodes of a task in n environments, below nerd.make_vec and gymnasium.make.
+/// Episodes of a task in n environments, the basis of nerd.make_vec and gymnasium.make.
 ///
 /// Task(name, robot=None, n=1, solver="articulated", device="cpu", seed=0, family=None)
 ///
-/// name: a built-in task or the path of a task's .toml; robot: for a task of any robot, a System, a name or a path. seed: random draws of
-/// episode k in environment i depend on it, i and k alone, here and on the command line. family: a robot with [vary], which is drawn for
-/// each environment.
+/// name: a built-in task or the path of a task's .toml. robot: for a task of any robot, a System, a name or a path.
+/// seed: random draws of episode k in environment i depend on seed, i and k alone, here and on the command line.
+/// family: a robot with [vary], drawn anew for each environment.
 #[pyclass(frozen, module = "nerd")]
 pub struct Task {
     /// The name it was created with.
@@ -35,26 +35,26 @@ pub struct Task {
     /// The robot.
     #[pyo3(get)]
     system: System,
-    /// Environments.
+    /// Number of environments.
     #[pyo3(get)]
     n: usize,
-    /// Numbers of an observation.
+    /// Length of an observation.
     #[pyo3(get)]
     observation: usize,
-    /// Numbers of an action, each from -1 to 1.
+    /// Length of an action; each component is from -1 to 1.
     #[pyo3(get)]
     action: usize,
-    /// Steps after which an episode is truncated.
+    /// Number of steps after which an episode is truncated.
     #[pyo3(get)]
     steps: u64,
-    /// Frames of a step.
+    /// Number of frames in a step.
     #[pyo3(get)]
     frames: u64,
     family: Option<String>,
     inner: Mutex<Episodes>,
 }
 
-/// A task read by its name.
+/// A task with its metadata.
 pub struct Read {
     pub about: nerd_tasks::About,
     pub name: String,
@@ -63,7 +63,7 @@ pub struct Read {
     pub family: Option<String>,
 }
 
-/// A task by its name or path, and its episodes in n environments.
+/// Reads a task by name or path, and begins its episodes in n environments.
 ///
 /// # Errors
 /// If there is no such task, robot or solver, or not enough memory.
@@ -86,11 +86,12 @@ pub fn read(
         alike(&system.system, "family=")?;
     }
     let family = family.map(|family| family.source());
-    let arena = Choice::new(solver, device)?.arena(&name, task.robot(), family.as_deref())?;
+    let spec = solver::spec(Some(&solver), device, &system.system)?;
+    let arena = solver::arena(spec, &name, &*task, family.as_deref())?;
     threads::here(n)?;
     let (about, terms) = (task.about(), task.terms().to_vec());
     let mut episodes = arena.begin(task, n, seeded(seed)?).map_err(value)?;
-    // These episodes are never continued from a file.
+    // These episodes are never resumed from a file.
     episodes.remember(0);
     Ok((Read { about, name, terms, system, family }, episodes))
 }
@@ -117,22 +118,25 @@ impl Task {
         Ok(Self { name, terms, system, n, observation, action, steps, frames, family, inner })
     }
 
-    /// step(actions): float64 [n, action], clamped to [-1, 1]. Returns rewards [n], terminated [n], truncated [n], observations [n,
-    /// observation] of the states reached, errors [n] in units of the task's tolerance (NaN if the task defines no error), faults [n]
-    /// (whether the solver failed), and reward terms [n, terms]. Ended episodes have restarted: observations() then shows their starts.
+    /// step(actions): steps all environments; actions are float64 [n, action], clamped to [-1, 1]. Returns rewards [n],
+    /// terminated [n], truncated [n], observations of the states reached [n, observation], errors [n], faults [n],
+    /// reward terms [n, terms]. Errors are in units of the task's tolerance, NaN if the task defines no error. A fault
+    /// is true where the solver failed. Ended episodes have restarted: observations() then shows their starts.
+    ///
+    /// Raises ValueError for NaN in actions.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Stepped<'py>> {
         let actions = numbers::<f64>("actions", actions, &[&[self.n, self.action]])?;
         if let Some(at) = actions.iter().position(|x| x.is_nan()) {
             return Err(value(format!("actions: environment {} has NaN; each is from -1 to 1", at / self.action)));
         }
-        let StepResult { rewards, terminated, truncated, reached, misses, failed, terms, .. } =
+        let StepResult { rewards, terminated, truncated, reached, errors, failed, terms, .. } =
             self.with(py, |all| all.step(&actions))?.map_err(step)?;
-        let misses = misses.into_iter().map(|miss| miss.unwrap_or(f64::NAN)).collect();
+        let errors = errors.into_iter().map(|error| error.unwrap_or(f64::NAN)).collect();
         let n = &[self.n];
         let reached = made(py, reached, &[self.n, self.observation])?;
         let [terminated, truncated, failed] = [made(py, terminated, n)?, made(py, truncated, n)?, made(py, failed, n)?];
         let terms = made(py, terms, &[self.n, self.terms.len()])?;
-        Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, misses, n)?, failed, terms))
+        Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, errors, n)?, failed, terms))
     }
 
     /// Observations of the present states, float64 [n, observation].
@@ -151,12 +155,13 @@ impl Task {
     #[pyo3(signature = (solver, device="cpu"))]
     fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
         let task = nerd_tasks::named(&self.name).map_err(value)?;
-        let arena = Choice::new(solver, device)?.arena(&self.name, task.robot(), self.family.as_deref())?;
+        let spec = solver::spec(Some(&solver), device, &self.system.system)?;
+        let arena = solver::arena(spec, &self.name, &*task, self.family.as_deref())?;
         let solver = arena.begin(task, self.n, 0).map_err(value)?.simulation.solver;
         self.with(py, |all| all.simulation.solver = solver)
     }
 
-    /// reset(seed): the first episodes of a seed.
+    /// reset(seed): begins the first episodes of a seed.
     fn reset(&self, py: Python<'_>, seed: u64) -> PyResult<()> {
         self.with(py, |all| all.seeded(seed))
     }
@@ -175,7 +180,7 @@ impl Task {
         self.with(py, |all| all.begin_numbered(&episodes))
     }
 
-    /// Names of the tasks that have a robot.
+    /// Names of the tasks that have their own robot.
     #[staticmethod]
     fn names() -> Vec<&'static str> {
         nerd_tasks::names()

@@ -1,13 +1,14 @@
-//! Forked processes, which keep only one thread.
+//! Refuses parallel work in forked processes, whose worker threads are gone.
 
 use std::sync::OnceLock;
 
 use pyo3::{PyResult, exceptions::PyRuntimeError};
 
-/// The process that began to step environments side by side.
+/// The process that first stepped several environments.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Refuses to step several environments in a forked process: its worker threads did not survive the fork, so a step would wait for ever.
+/// Refuses to step several environments in a forked process: its worker threads did not survive the fork, so a step
+/// would wait for ever.
 pub fn here(n: usize) -> PyResult<()> {
     let me = std::process::id();
     if n > 1 && *OWNER.get_or_init(|| me) != me {

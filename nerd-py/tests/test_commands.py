@@ -24,6 +24,24 @@ def test_the_command_line_is_the_module(root):
     assert "aunt" in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "solver",
+    ["articulated", "articulated(substeps=4)", "articulated(method=euler, substeps=64)", "rapier", "rapier(steps=1, axes=world)", "neural(models/ant)"],
+)
+def test_a_solver_steps_as_the_command_line_does_to_the_bit(solver, root, tmp_path):
+    simulation = nerd.Simulation("ant", "ground", solver=solver)
+    state, columns = simulation.states[0].tolist(), nerd.System("ant").columns
+    (tmp_path / "start.csv").write_text(f"traj,step,{','.join(columns)}\n0,0,{','.join(map(repr, state))}\n")
+    words = ["rollout", "--robot", "ant", "--scene", "ground", "--frames", "50", "--solver", solver]
+    out = tmp_path / "out.csv"
+    files = ["--states", tmp_path / "start.csv", "--out", out]
+    subprocess.run([sys.executable, "-m", "nerd", *words, *files], cwd=root, check=True, capture_output=True)
+    for _ in range(50):
+        simulation.step(np.zeros((1, 8)))
+    last = [float(x) for x in out.read_text().splitlines()[-1].split(",")[2:]]
+    assert simulation.states[0].tolist() == last != state
+
+
 def test_models_and_policies_say_what_they_are(models):
     model = nerd.Model("models/ant")
     assert os.fspath(model) == str(models / "ant")
@@ -43,7 +61,7 @@ def test_a_model_is_trained_evaluated_and_used(tmp_path):
     model = nerd.train("pendulum", tmp_path / "done", **small)
     assert model.robot == "pendulum"
     assert "python -m nerd train --robot pendulum" in (tmp_path / "done/model/config.json").read_text(encoding="utf-8")
-    tables = nerd.evaluate("pendulum", solver=model, starts=4, frames=5, scene="free")
+    tables = nerd.evaluate("pendulum", solver=model, trajectories=4, frames=5, scene="free")
     [row] = tables["passive"]
     assert row["robot"] == "pendulum" and 0 <= row["diverged"] <= 4 and row["paper"] is None, row
     assert len(row["error (rad or m)"]) == 2 and all(0 < error < 1 for error in row["error (rad or m)"]), row
@@ -54,7 +72,7 @@ def test_a_model_is_trained_evaluated_and_used(tmp_path):
 
 def test_names_stay_text_and_columns_of_numbers_are_numbers(tmp_path):
     nerd.train_policy("cartpole-swingup", tmp_path / "007", envs=2, horizon=8, minibatch=16, iterations=1)
-    played = nerd.run("policy", "evaluate", policy=tmp_path / "007/policy", games=2, truth_only=True, name="played", out=tmp_path)
+    played = nerd.run("policy", "evaluate", policy=tmp_path / "007/policy", episodes=2, truth_only=True, name="played", out=tmp_path)
     [row] = played["policies"]
     assert (row["task"], row["policy"], row["games"], row["gap (%)"]) == ("cartpole-swingup", "007", 2.0, None), row
     assert len(row["reward in truth"]) == 2 and all(isinstance(x, float) for x in row["reward in truth"]), row

@@ -172,7 +172,7 @@ def test_episodes_are_those_of_the_command_line_to_the_bit(task, mode, models, t
         if mode == "disabled" and (terminated | truncated).any():
             observations, _ = env.reset(options={"reset_mask": terminated | truncated})
     assert (sums == rewards).all() and (steps == lengths).all(), (sums, rewards)
-    options = dict(policy=models / f"policies/{task}-articulated-0", games=n, seed=seed, truth_only=True, name="played", out=tmp_path)
+    options = dict(policy=models / f"policies/{task}-articulated-0", episodes=n, seed=seed, truth_only=True, name="played", out=tmp_path)
     assert nerd.run("policy", "evaluate", **options), "a table"
     row = json.loads((tmp_path / "played/result.json").read_text())["rows"][0]
     # As the command line adds them up.
@@ -255,7 +255,7 @@ def test_what_is_wrong_is_refused():
         nerd.make_vec("ant-fly")
     with pytest.raises(ValueError):
         nerd.make_vec("walk")
-    with pytest.raises(ValueError, match="no model of `nerd-sim/assets/ant.urdf`.*train one"):
+    with pytest.raises(ValueError, match="learned robot `ant` with hash"):
         nerd.make_vec("walk", robot="nerd-sim/assets/ant.urdf", solver="neural")
     with pytest.raises(ValueError, match="n=0"):
         nerd.make_vec("ant-run", n=0)

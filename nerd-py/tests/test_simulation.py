@@ -124,8 +124,7 @@ def test_stiff_drives_hold_where_a_law_once_a_frame_flies():
         simulation.step(1e6 * (0.5 - q) - 1e4 * qd)
 
     assert swung(driven_) < 1e-3
-    with pytest.raises(RuntimeError):
-        swung(by_torques)
+    assert swung(by_torques) > 1.0, "it flies"
     ant = nerd.Simulation("ant", n=2)
     ant.drive(ant.system.default_state[7:15])
     free = nerd.Simulation("ant", n=2)

@@ -1,7 +1,9 @@
-//! Frames per second of the analytic solvers on one thread: a batch of 64 is stepped as the solvers step it, and the state is checked to be
-//! finite in the same run. `cargo bench -p nerd-sim --bench solvers`; the report's time is for 64 frames, "thrpt" is frames per second.
-//! Also the cost of a frame's vector-Jacobian product: one gradient with respect to state and torque for each of 64 environments, on states
-//! that random torques visit.
+//! Frames per second of the analytic solvers on one thread, and the cost of a frame's vector-Jacobian product:
+//! `cargo bench -p nerd-sim --bench solvers`.
+//!
+//! Each sample steps a batch of 64 environments, so times are for 64 frames and "thrpt" is frames per second. The state
+//! is checked to be finite in the same run. A vector-Jacobian product is with respect to state and torque, on states
+//! visited under random torques.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -48,16 +50,16 @@ fn solvers(c: &mut Criterion) {
     }
 }
 
-fn slopes(c: &mut Criterion) {
+fn gradients(c: &mut Criterion) {
     for (robot, scene) in [("ant", "ground"), ("anymal", "ground"), ("cartpole", "free")] {
         let (system, mut solver, mut random) = (built_in(robot), implicit(4), stream(0, 1));
         let mut batch = batch(&system, scene, 64);
         (0..64).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(0, env as u64))));
         let amplitudes = system.torque_amplitudes();
         let mut pushed = || (0..64).flat_map(|_| &amplitudes).map(|a| a * random.random_range(-1.0..=1.0)).collect::<Vec<f64>>();
-        // Robots that fell from `reset` are on the ground by then.
+        // 60 frames are enough for robots that fall from `reset` to reach the ground.
         (0..60).for_each(|_| solver.step(&mut batch, &pushed()).expect("steps"));
-        let (torques, by_next) = (pushed(), vec![1.0; 64 * 2 * system.robot.nv()]);
+        let (torques, grad_next) = (pushed(), vec![1.0; 64 * 2 * system.robot.nv()]);
         let mut group = c.benchmark_group(format!("{robot} {scene}"));
         group.throughput(Throughput::Elements(64)).sample_size(20).measurement_time(std::time::Duration::from_secs(3));
         group.bench_function("frame", |b| {
@@ -67,9 +69,9 @@ fn slopes(c: &mut Criterion) {
                 next
             });
         });
-        group.bench_function("frame with back", |b| b.iter(|| solver.back(&batch, &torques, 1, &by_next).expect("finite")));
+        group.bench_function("frame with back", |b| b.iter(|| solver.vjp(&batch, &torques, 1, &grad_next).expect("finite")));
     }
 }
 
-criterion_group!(benches, solvers, slopes);
+criterion_group!(benches, solvers, gradients);
 criterion_main!(benches);

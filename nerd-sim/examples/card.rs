@@ -1,4 +1,4 @@
-//! A batch stepped on a graphics card: `cargo run --release -p nerd-sim --features cuda --example card`.
+//! Steps a batch on a GPU: `cargo run --release -p nerd-sim --features cuda --example card`.
 
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
@@ -8,7 +8,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut batch = Batch::new(&system, &system.scene("ground")?, 1024);
     let torques = vec![0.0; 1024 * system.robot.joint_count()];
     let mut solver = CudaArticulated::new(ArticulatedConfig::accurate(&system), Real::F32);
-    // A hundred frames of all environments without leaving the card.
+    // 100 frames of all environments in one call, without copies to the host in between.
     solver.roll(&mut batch, &torques, 100)?;
     println!("{:?}", batch.state(0));
     Ok(())

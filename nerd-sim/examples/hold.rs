@@ -1,4 +1,4 @@
-//! An arm held against gravity for two seconds: `cargo run --release -p nerd-sim --example hold -- my.urdf`.
+//! Holds an arm against gravity for two seconds: `cargo run --release -p nerd-sim --example hold -- my.urdf`.
 
 use nerd_sim::prelude::*;
 

@@ -1,9 +1,9 @@
-//! A ball dropped onto the ground by a solver of one's own: its contact forces are springs and dampers at contact points.
+//! A hand-written solver drops a ball onto the ground. Contact forces are springs and dampers at contact points.
 //! `cargo run --release -p nerd-sim --example springs`
 
 use nalgebra::Isometry3;
 use nerd_sim::prelude::*;
-use nerd_sim::suite::bodies::Body;
+use nerd_suite::bodies::Body;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), inertia: [0.004; 3], ..Default::default() };

@@ -1,8 +1,8 @@
-//! Throws a cube to a place by slopes (`docs/slopes.md`).
+//! Finds the throw that lands a cube at a given place, by gradient descent through the simulation (`docs/gradients.md`).
 
 use nerd_sim::prelude::*;
 
-/// Throws a cube so that it comes to lie at a place: 60 frames, through flight, impact and friction.
+/// Throws of 60 frames through flight, impact and friction; the initial linear velocity is optimised.
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (system, frames, place) = (System::named("cube")?, 60, Vector3::new(1.0, 0.5, 0.0));
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
@@ -21,14 +21,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let mut miss = vector(end) - place;
         miss.z = 0.0;
         println!("throw {round} misses by {:.3} m", miss.norm());
-        // Half the square of that, by the way of the root in its own axes.
-        let mut slope = vec![0.0; 12];
-        slope[3..6].copy_from_slice(quaternion(&end[3..7]).inverse_transform_vector(&miss).as_slice());
+        // Gradient of half the squared distance, with respect to the root's position in the root's axes.
+        let mut gradient = vec![0.0; 12];
+        gradient[3..6].copy_from_slice(quaternion(&end[3..7]).inverse_transform_vector(&miss).as_slice());
         for batch in path[..frames].iter().rev() {
-            slope = solver.back(batch, &[], 1, &slope)?.states;
+            gradient = solver.vjp(batch, &[], 1, &gradient)?.states;
         }
-        // The cube starts upright and at rest: its own axes are the world's, and its velocity is the state's.
-        (0..3).for_each(|k| start[10 + k] -= 2.0 * slope[9 + k]);
+        // The cube starts upright and without angular velocity, so its tangent velocity is the state's linear velocity.
+        (0..3).for_each(|k| start[10 + k] -= 2.0 * gradient[9 + k]);
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
-//! Arrays of numbers by name, as numpy's .npz and .safetensors files hold them, as columns of a table.
+//! Reads named arrays from numpy's .npz files and .safetensors files as columns of a table.
 //!
-//! Column `q` is an array with one number a row, and `q.2` is component 2 of an array whose last axis has several. The other axes are rows,
-//! or trajectories and their rows.
+//! Column `q` is an array with one number per row. `q.2` is component 2 of an array with several components on its last
+//! axis. The other axes are rows, or trajectories and their rows.
 
 use std::{borrow::Cow, fs::File, io::Read};
 
@@ -12,21 +12,21 @@ use crate::internal::*;
 
 pub(crate) struct Arrays {
     arrays: BTreeMap<String, Array>,
-    /// For each column its array, the array's numbers a row, and the component's index.
+    /// For each column: array name, numbers per row, index of the component.
     columns: Vec<(String, usize, usize)>,
-    /// Number of trajectories, where the arrays have that axis, and rows of each.
+    /// Number of trajectories, where the arrays have that axis, and rows of each trajectory.
     shape: (Option<usize>, usize),
 }
 
 struct Array {
     shape: Vec<usize>,
-    /// Bytes of a number, and its decoder.
+    /// Bytes per number, and the decoder.
     kind: (usize, fn(&[u8]) -> f64),
     bytes: Vec<u8>,
 }
 
 impl Arrays {
-    /// Whether a file's extension is an array format's.
+    /// Whether the file extension is .npz or .safetensors.
     pub fn named(path: &Path) -> bool {
         path.extension().is_some_and(|e| e == "npz" || e == "safetensors")
     }
@@ -69,13 +69,13 @@ impl Arrays {
         self.shape.0.unwrap_or(1) * self.shape.1
     }
 
-    /// Trajectory and row in it, of a row counted over all.
+    /// Splits a row index over all trajectories into trajectory and row within the trajectory.
     pub fn place(&self, row: usize) -> (Option<u64>, u64) {
         let rows = self.shape.1.max(1);
         (self.shape.0.map(|_| (row / rows) as u64), (row % rows) as u64)
     }
 
-    /// The number in a column of a row.
+    /// The number at `column` and `row`.
     pub fn number(&self, column: usize, row: usize) -> f64 {
         let (array, width, at) = &self.columns[column];
         let Array { kind: (size, number), bytes, .. } = &self.arrays[array];
@@ -93,7 +93,7 @@ fn said((trajectories, rows): (Option<usize>, usize)) -> String {
 }
 
 impl Array {
-    /// An array of a type by its name in numpy or safetensors.
+    /// An array from its raw bytes; `kind` is the type's name in numpy or safetensors.
     fn new(name: &str, kind: &str, shape: Vec<usize>, bytes: Cow<'_, [u8]>) -> Result<Self, String> {
         let kind: (usize, fn(&[u8]) -> f64) = match kind {
             "<f4" | "F32" => (4, |b| b.first_chunk().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))),
@@ -109,7 +109,7 @@ impl Array {
     }
 }
 
-/// The requested arrays, and the names of all.
+/// The requested arrays, and the names of all arrays.
 type Found = (BTreeMap<String, Array>, Vec<String>);
 
 fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
@@ -140,7 +140,7 @@ fn npz(path: &Path, most: u64, used: &dyn Fn(&str) -> bool) -> Result<Found, Str
                 return Err(format!("array `{name}` {}", too_large(size, left)));
             }
             left -= size;
-            // Content that unpacks to more than its stated size is cut, and then refused by its length.
+            // An entry that unpacks to more than its stated size is cut here and refused below by its length.
             entry.by_ref().take(size).read_to_end(&mut bytes).map_err(|e| format!("array `{name}`: {e}"))?;
             arrays.insert(name.clone(), npy(&name, &bytes)?);
         }
@@ -149,7 +149,7 @@ fn npz(path: &Path, most: u64, used: &dyn Fn(&str) -> bool) -> Result<Found, Str
     Ok((arrays, names))
 }
 
-/// An array as `numpy.save` writes it: a version, the length of its header, a dictionary of Python, numbers.
+/// Parses the format of `numpy.save`: magic and version, header length, header (a Python dictionary), numbers.
 fn npy(name: &str, bytes: &[u8]) -> Result<Array, String> {
     let from = if bytes.get(6) == Some(&1) { 10 } else { 12 };
     let length = bytes.get(8..from).map(|b| b.iter().rev().fold(0usize, |n, b| n << 8 | usize::from(*b)));

@@ -2,19 +2,19 @@
 
 use crate::internal::*;
 
-/// Why a batch cannot say or do what it is asked.
+/// Errors of queries and changes of a [`Batch`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BatchError {
-    /// The robot has no such part.
+    /// The robot has no link, joint or frame of this name.
     #[error(transparent)]
     Name(#[from] UnknownName),
-    /// The last frame left no forces.
+    /// The last frame left no contact forces.
     #[error(
         "no contact forces are known: step a frame with a solver whose capabilities include them (articulated; on a card after `watch`)"
     )]
     NoForces,
-    /// A fixed base does not move.
+    /// The base is fixed, so its pose cannot be set.
     #[error("the base of robot `{0}` is fixed: it has no pose to set")]
     Fixed(String),
 }
@@ -22,25 +22,26 @@ pub enum BatchError {
 /// States and scenes of n environments; row-major f64.
 #[derive(Clone)]
 pub struct Batch {
-    /// The robot of every environment, unless `systems` says otherwise.
+    /// Robot of every environment, unless `systems` is set.
     pub system: Arc<System>,
-    /// The robot of each environment, where they differ in numbers: masses, dampings, a material (see [`crate::vary`]); empty: they
-    /// do not. For solvers that can step them ([`crate::solver::Capabilities`]).
+    /// Robot of each environment, where parameters such as masses, dampings or a material differ ([`crate::vary`]);
+    /// empty where all are equal. Only for solvers with this capability ([`crate::solver::Capabilities`]).
     pub systems: Vec<Arc<System>>,
     /// States `[env][q, qd]`.
     pub states: Vec<f64>,
     /// Scene of each environment.
     pub scenes: Vec<Arc<Scene>>,
-    /// Frames stepped since each environment's reset; names the place of an error.
+    /// Frames stepped since each environment's reset; errors name them.
     pub frames: Vec<u64>,
-    /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. For solvers that can hold them
-    /// ([`crate::solver::Capabilities`]).
+    /// Drives `[env][joint]`; their torques add to the torques of a frame; empty: none. Only for solvers with this
+    /// capability ([`crate::solver::Capabilities`]).
     pub drives: Vec<Drive>,
-    /// Whether the torques of a frame are those of the robots' position laws as it begins, which go on acting inside it as drives within the law's
-    /// bounds; then `drives` is empty. For solvers that have drives: [`crate::solver::Simulation::serve`].
+    /// Whether the torques of a frame come from the robots' position laws, evaluated at its start. The laws then act as
+    /// drives inside the frame, within their torque limits. `drives` is then empty. Only for solvers with drives:
+    /// [`crate::solver::Simulation::serve`].
     pub servo: bool,
-    /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty where the solver tells
-    /// none. By link: [`Batch::contact_force`].
+    /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty where the
+    /// solver reports no forces. Per link: [`Batch::contact_force`].
     pub forces: Vec<Vector3<f64>>,
 }
 
@@ -64,7 +65,7 @@ impl Batch {
         self.scenes.len()
     }
 
-    /// Whether there is none.
+    /// Whether the batch has no environments.
     pub fn is_empty(&self) -> bool {
         self.scenes.is_empty()
     }
@@ -74,7 +75,7 @@ impl Batch {
         self.systems.get(env).unwrap_or(&self.system)
     }
 
-    /// Refuses a batch whose fields are not of one length: they are public.
+    /// Refuses a batch with fields of inconsistent length; the fields are public.
     pub fn check(&self) -> Result<(), String> {
         let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
         let (joints, points) = (self.system.robot.joint_count(), self.system.robot.contact_points.len());
@@ -103,25 +104,26 @@ impl Batch {
         &self.states[env * d..(env + 1) * d]
     }
 
-    /// The same, to be written.
+    /// Mutable state `[q, qd]` of an environment.
     pub fn state_mut(&mut self, env: usize) -> &mut [f64] {
         let d = self.system.robot.state_dim();
         &mut self.states[env * d..(env + 1) * d]
     }
 
-    /// Asks a graphics card for contact forces, which stay there otherwise. On the CPU a solver that knows them always tells them.
+    /// Requests contact forces from a GPU solver, which otherwise leaves them on the device. On the CPU a solver that
+    /// computes contact forces always reports them.
     pub fn watch(&mut self) {
         self.forces = vec![Vector3::zeros(); self.len() * self.system.robot.contact_points.len()];
     }
 
-    /// Mean forces (N) on the contact points of an environment in the last frame, in their order, world axes; empty where the solver
-    /// tells none ([`crate::solver::Capabilities`]).
+    /// Mean forces (N) on the contact points of an environment in the last frame, in order of the points, world axes;
+    /// empty where the solver reports no forces ([`crate::solver::Capabilities`]).
     pub fn forces_on(&self, env: usize) -> &[Vector3<f64>] {
         let points = if self.forces.is_empty() { 0 } else { self.system.robot.contact_points.len() };
         &self.forces[env * points..(env + 1) * points]
     }
 
-    /// Drives of an environment; empty where there are none.
+    /// Drives of an environment, one per joint; empty where there are no drives.
     pub fn driven(&self, env: usize) -> &[Drive] {
         if self.drives.is_empty() {
             return &[];
@@ -130,27 +132,16 @@ impl Batch {
         &self.drives[env * joints..(env + 1) * joints]
     }
 
-    /// Puts an environment at `state` and restarts its count of frames. Reset the solver, too
-    /// ([`crate::solver::Solver::reset`]), or use [`crate::solver::Simulation::reset`].
+    /// Sets the state of an environment and restarts its frame count. Also reset the solver
+    /// ([`crate::solver::Solver::reset`]), or call [`crate::solver::Simulation::reset`] in place of both.
     ///
     /// # Panics
-    /// If there is no such environment, or `state` has not [`nerd_core::robot::Robot::state_dim`] numbers.
+    /// If there is no such environment, or the length of `state` is not [`nerd_core::robot::Robot::state_dim`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         let (robot, found) = (&self.system.robot, state.len());
         assert!(found == robot.state_dim(), "a state of {found} numbers; [q, qd] has {} and {}", robot.nq(), robot.nv());
         self.state_mut(env).copy_from_slice(state);
         self.frames[env] = 0;
-    }
-
-    /// Makes environment `to` a copy of `from`; [`crate::solver::Simulation::fork`] copies what its solver remembers, too.
-    pub(crate) fn fork(&mut self, from: usize, to: usize) {
-        let places = (self.len(), from, to);
-        copy(&mut self.states, places);
-        copy(&mut self.scenes, places);
-        copy(&mut self.frames, places);
-        copy(&mut self.systems, places);
-        copy(&mut self.drives, places);
-        copy(&mut self.forces, places);
     }
 
     /// Position (rad or m) and velocity (rad/s or m/s) of a joint.
@@ -159,7 +150,8 @@ impl Batch {
         Ok([self.state(env)[at.q], self.state(env)[nq + at.qd]])
     }
 
-    /// Sets them, within the joint's limits or beyond: there its limit pushes back. Of a run that goes on, tell the solver ([`crate::solver::Solver::reset`]).
+    /// Sets position and velocity of a joint. Beyond the joint's limits the limit pushes back. In a running simulation,
+    /// also call [`crate::solver::Solver::reset`].
     pub fn set_joint(&mut self, env: usize, name: &str, [position, velocity]: [f64; 2]) -> Result<(), UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
         let state = self.state_mut(env);
@@ -167,21 +159,21 @@ impl Batch {
         Ok(())
     }
 
-    /// Where a link or a frame (sole, tool) is in the world.
+    /// World pose of a link or of a frame (sole, tool).
     pub fn pose(&self, env: usize, name: &str) -> Result<Isometry3<f64>, UnknownName> {
         let robot = &self.of(env).robot;
         Ok(robot.pose(self.state(env), &robot.frame(name)?))
     }
 
-    /// Angular velocity (rad/s) of a link or a frame, and velocity (m/s) of its origin, world axes.
+    /// Angular velocity (rad/s) of a link or frame, and velocity (m/s) of its origin, world axes.
     pub fn velocity(&self, env: usize, name: &str) -> Result<Motion, UnknownName> {
         let robot = &self.of(env).robot;
         let (q, qd) = robot.split(self.state(env));
         Ok(robot.velocity(q, &qd.to_local(robot, q), &robot.frame(name)?))
     }
 
-    /// Puts a free root at a pose, with an angular velocity and a velocity of its origin, world axes. Of a run that goes on, tell the
-    /// solver ([`crate::solver::Solver::reset`]).
+    /// Sets pose, angular velocity (rad/s) and velocity of the origin (m/s) of a free root, world axes. In a running
+    /// simulation, also call [`crate::solver::Solver::reset`].
     pub fn set_root(&mut self, env: usize, pose: &Isometry3<f64>, velocity: Motion) -> Result<(), BatchError> {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -196,7 +188,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Mean force (N) of the scene on a moving link in the last frame, world axes.
+    /// Mean force (N) of the scene on a moving link in the last frame, world axes: the sum over its contact points.
     pub fn contact_force(&self, env: usize, link: &str) -> Result<Vector3<f64>, BatchError> {
         let robot = &self.system.robot;
         let link = robot.link(link)?;
@@ -206,10 +198,4 @@ impl Batch {
         let points = robot.contact_points.iter().zip(self.forces_on(env));
         Ok(points.filter(|(point, _)| point.link == link).map(|(_, force)| force).sum())
     }
-}
-
-/// Of `n` equal rows copies one to another.
-fn copy<T: Clone>(rows: &mut [T], (n, from, to): (usize, usize, usize)) {
-    let width = rows.len() / n;
-    (0..width).for_each(|k| rows[to * width + k] = rows[from * width + k].clone());
 }

@@ -1,31 +1,33 @@
-//! Controllers: actions in [-1, 1] to joint torques, once a frame, outside any solver.
+//! Controllers: map actions in [-1, 1] to joint torques, once a frame, outside any solver.
 
 use crate::internal::*;
 
-/// A system's own controller: torque, or joint position by a PD law. An action has one entry a joint.
+/// The controller of a system's specification: direct torques, or a PD law on joint positions. Actions have one entry
+/// per joint.
 #[derive(Clone, Debug)]
 pub struct Controller {
     system: Arc<System>,
-    /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; without a PD law both are zero.
+    /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; zero without a PD law.
     pub gains: Vec<[f64; 2]>,
-    /// Whether the law acts inside the frame ([`crate::solver::Simulation::serve`]): torques are those of its beginning, without bounds.
+    /// Whether the law acts inside the frame ([`crate::solver::Simulation::serve`]). [`Controller::torques`] then
+    /// returns the torques at its start, without torque limits.
     pub servo: bool,
-    ahead: Option<Ahead>,
+    stable_pd: Option<StablePd>,
     wraps: Vec<bool>,
-    /// Distance from the target and velocity by joint, now or a frame ahead.
+    /// Position error and velocity by joint, at the present state or predicted for the end of the frame.
     gaps: Vec<[f64; 2]>,
 }
 
 impl Controller {
     /// The controller that `system.spec.control` describes.
     pub fn new(system: &Arc<System>) -> Self {
-        let ahead = system.spec.control.is_some_and(|control| control.ahead);
+        let stable_pd = system.spec.control.is_some_and(|control| control.stable_pd);
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
         let wraps = system.robot.joints().map(|j| j.wraps()).collect();
-        Self { system: system.clone(), gains, servo: false, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }
+        Self { system: system.clone(), gains, servo: false, stable_pd: stable_pd.then(|| StablePd::new(system)), wraps, gaps: Vec::new() }
     }
 
-    /// From here on that of another robot of the same family.
+    /// Switches to the gains and parameters of another robot of the same family.
     pub fn turn_to(&mut self, system: &Arc<System>) {
         if !Arc::ptr_eq(&self.system, system) {
             self.system = system.clone();
@@ -33,25 +35,26 @@ impl Controller {
         }
     }
 
-    /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).
+    /// Torques (N m or N), one per joint, for an action at a state `[q, qd]`.
     ///
-    /// Without `[control]`: `gain clamp(a)`. With it: `kp (target - q) - kd qd`, where the target is the default pose, or
-    /// with `relative` the present one, plus `scale a`; with `clamp` kept within the gain. To a default pose a joint without
-    /// limits goes the shorter way round.
+    /// Without `[control]`: `gain clamp(a)`. With `[control]`: `kp (target - q) - kd qd`. The target is the default
+    /// pose (with `relative`: the present pose) plus `scale a`. With `clamp` the torque stays within the gain. Toward a
+    /// default pose, a joint without limits takes the shorter direction.
     ///
-    /// A torque held over a frame h makes a stiff law unstable, whatever solver follows (`kp > 4 I / h^2`). With `ahead`
-    /// the law is that of the state which the robot without contact will have reached, linearised, so that it is stable at
-    /// any gain and no stiffer than a frame allows (Tan, Liu and Turk 2011, stable proportional-derivative control):
+    /// A torque held constant over a frame h makes a stiff law unstable in any solver (`kp > 4 I / h^2`). With
+    /// `stable_pd` the law acts on the predicted state at the end of the frame: linearised, without contact. This law is
+    /// stable at any gain (Tan, Liu and Turk 2011, stable proportional-derivative control):
     ///
     /// ```text
     /// (M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - bias
     /// tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)
     /// ```
     ///
-    /// Of a light link it is as soft as the frame is long, contact or not; a servo that acts inside the frame is not.
+    /// Its effective stiffness is limited by the frame time, most on light links. A servo that acts inside the frame
+    /// has no such limit.
     ///
     /// # Panics
-    /// If `state`, `action` and `out` are not of the system's sizes.
+    /// If `state`, `action` or `out` have other sizes than the system.
     pub fn torques(&mut self, state: &[f64], action: &[f64], out: &mut [f64]) {
         let (joints, found) = (self.system.robot.joint_count(), action.len());
         assert!(found == joints && out.len() == joints, "one action and one torque a joint");
@@ -62,11 +65,11 @@ impl Controller {
             return;
         }
         self.look(state, action);
-        (0..joints).for_each(|i| out[i] = self.law(i).clamp(-self.most(i), self.most(i)));
+        (0..joints).for_each(|i| out[i] = self.law(i).clamp(-self.torque_limit(i), self.torque_limit(i)));
     }
 
-    /// Vector-Jacobian product of [`Self::torques`]: adds to gradients by the numbers of the state and by the action. Mass matrix and bias of
-    /// a law that looks ahead count as constant.
+    /// Vector-Jacobian product of [`Self::torques`]: adds to the gradients with respect to `state` and `action`. With
+    /// `stable_pd`, mass matrix and bias forces count as constants.
     ///
     /// # Panics
     /// As [`Self::torques`].
@@ -80,39 +83,43 @@ impl Controller {
             }
             return;
         };
-        let (h, ahead) = (system.frame_time, self.look(state, action));
-        let free = |i: usize| if self.law(i).abs() <= self.most(i) { by[i] } else { 0.0 };
-        // By gap and speed as they are then, and through the acceleration by those of now.
-        let mut slopes: Vec<[f64; 2]> = (0..by.len()).map(|i| [self.gains[i][0] * free(i), -self.gains[i][1] * free(i)]).collect();
-        if let Some(solved) = self.ahead.as_mut().filter(|_| ahead) {
-            let accelerations = slopes.iter().map(|[gap, speed]| h * speed - h * h * gap);
+        let (h, predicted) = (system.frame_time, self.look(state, action));
+        let free = |i: usize| if self.law(i).abs() <= self.torque_limit(i) { by[i] } else { 0.0 };
+        // Gradients with respect to predicted position error and velocity. The solve with `stable_pd` maps both to the
+        // present state.
+        let mut gradients: Vec<[f64; 2]> = (0..by.len()).map(|i| [self.gains[i][0] * free(i), -self.gains[i][1] * free(i)]).collect();
+        if let Some(solved) = self.stable_pd.as_mut().filter(|_| predicted) {
+            let accelerations = gradients.iter().map(|[gap, speed]| h * speed - h * h * gap);
             let by_push = solved.answers(robot.root_dofs(), accelerations);
-            for (([gap, speed], [kp, kd]), push) in slopes.iter_mut().zip(&self.gains).zip(by_push) {
+            for (([gap, speed], [kp, kd]), push) in gradients.iter_mut().zip(&self.gains).zip(by_push) {
                 *speed -= h * *gap + (kd + h * kp) * push;
                 *gap += kp * push;
             }
         }
-        for (i, [gap, speed]) in slopes.into_iter().enumerate() {
+        for (i, [gap, speed]) in gradients.into_iter().enumerate() {
             by_action[i] += law.scale * gap;
             by_state[robot.root_coords() + i] -= if law.relative { 0.0 } else { gap };
             by_state[robot.nq() + robot.root_dofs() + i] += speed;
         }
     }
 
-    /// Finds how far the position law's joints are from their targets, and how fast, now or, if that is looked at, a frame ahead.
+    /// Computes position errors and velocities of the joints. Returns whether they are predicted for the end of the
+    /// frame.
     fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
-        let Self { system, gains, servo, ahead, wraps, gaps } = self;
+        let Self { system, gains, servo, stable_pd, wraps, gaps } = self;
         let (robot, h) = (&system.robot, system.frame_time);
         let (q, qd) = state.split_at(robot.nq());
         let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
         let Some(law) = &system.spec.control else { return false };
         gaps.clear();
         for (i, joint) in system.joint_specs().enumerate() {
-            let from = if law.relative { q[i] } else { joint.default };
+            let from = if law.relative { q[i] } else { joint.default_q };
             let gap = from + law.scale * action[i] - q[i];
             gaps.push([if wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
         }
-        let Some(qdd) = ahead.as_mut().filter(|_| !*servo).and_then(|a| a.accelerations(system, state, gains, gaps)) else { return false };
+        let Some(qdd) = stable_pd.as_mut().filter(|_| !*servo).and_then(|a| a.accelerations(system, state, gains, gaps)) else {
+            return false;
+        };
         for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
             *gap -= h * (*speed + h * qdd);
             *speed += h * qdd;
@@ -120,32 +127,32 @@ impl Controller {
         true
     }
 
-    /// What the law makes of a joint's gap, and the most that it may here.
+    /// Torque of the PD law on joint `i`, before the torque limit.
     fn law(&self, i: usize) -> f64 {
         let ([kp, kd], [gap, speed]) = (self.gains[i], self.gaps[i]);
         kp * gap - kd * speed
     }
 
-    fn most(&self, i: usize) -> f64 {
-        if self.servo { f64::INFINITY } else { self.system.most(i) }
+    fn torque_limit(&self, i: usize) -> f64 {
+        if self.servo { f64::INFINITY } else { self.system.torque_limit(i) }
     }
 }
 
-/// Working memory of the law that looks ahead.
+/// Working memory of the stable PD law.
 #[derive(Clone, Debug)]
-struct Ahead {
+struct StablePd {
     data: Data,
     factor: Factor,
     state: Vec<f64>,
 }
 
-impl Ahead {
+impl StablePd {
     fn new(system: &System) -> Self {
         let robot = &system.robot;
         Self { data: system.data(), factor: Factor::new(robot), state: robot.zero_state() }
     }
 
-    /// Joint accelerations under the law, without contact; none at a state that has none.
+    /// Joint accelerations under the stable PD law, without contact; `None` where its matrix is not positive definite.
     fn accelerations(&mut self, system: &System, state: &[f64], gains: &[[f64; 2]], gaps: &[[f64; 2]]) -> Option<&[f64]> {
         let (robot, h) = (&system.robot, system.frame_time);
         let dofs = robot.root_dofs();
@@ -169,7 +176,7 @@ impl Ahead {
         Some(&self.data.qdd.as_slice()[dofs..])
     }
 
-    /// The same matrix, asked about other pushes on the joints, after [`Self::accelerations`].
+    /// Solves with the matrix factored by [`Self::accelerations`], for other generalised forces on the joints.
     fn answers(&mut self, dofs: usize, pushes: impl Iterator<Item = f64>) -> &[f64] {
         let all = self.data.qdd.as_mut_slice();
         all[..dofs].fill(0.0);

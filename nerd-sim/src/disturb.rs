@@ -1,5 +1,5 @@
-//! Disturbances of an episode: pushes, and noise of sensors, as `[vary]` defines them. Both are drawn from the episode's own stream, at
-//! fixed positions for each frame. So they do not depend on how often or in which order they are requested.
+//! Disturbances of an episode: pushes and sensor noise, as `[vary]` defines them. Each frame draws from fixed positions
+//! of the episode's random stream, so number and order of calls have no influence.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -17,36 +17,37 @@ use std::f64::consts::TAU;
 use nerd_core::state::wrap_state;
 use rand_chacha::ChaCha8Rng;
 
-use crate::{internal::*, sampling::normal};
+use crate::{internal::*, sampling::normal, scene::up};
 
-/// Blocks of an episode's stream where its pushes and its noise begin, far behind its start; and words of a block.
+/// First blocks of an episode's pushes and noise in its stream, far behind the start of the stream.
 pub(crate) const PUSHES: u64 = 1 << 40;
 pub(crate) const NOISES: u64 = 2 << 40;
 const WORDS: u128 = 16;
-/// Words of a drawn number.
+/// Words per drawn number.
 const DRAWN: usize = 2;
 
-/// Frames from one push to the next; none where there are no pushes.
+/// Frames from one push to the next; `None` without pushes.
 pub(crate) fn every(system: &System) -> Option<u64> {
     let period = system.spec.vary.as_ref().filter(|vary| vary.push.is_some())?.push_every?;
     Some(((period / system.frame_time).round() as u64).max(1))
 }
 
-/// Two perpendicular directions across gravity; x and y without gravity.
+/// Two perpendicular unit vectors normal to gravity; x and y without gravity.
 pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
-    let up = (-system.gravity()).try_normalize(0.0).unwrap_or(Vector3::z());
+    let up = up(&system.gravity());
     let across = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
     let one = (across - up * up.dot(&across)).normalize();
     [one, up.cross(&one)]
 }
 
-/// Blocks of a frame's noise: two numbers for each component of a root's four vectors and for each joint's position and velocity.
+/// Blocks of a frame's noise: two draws for each component of the root's four vectors and for each joint's position and
+/// velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
     ((24 + 4 * system.robot.joint_count()) * DRAWN).div_ceil(WORDS as usize) as u64
 }
 
-/// Pushes a free root if this frame of an episode has a push: changes its velocity by the drawn amount, in a level direction. Returns
-/// whether it did.
+/// In a frame with a push, adds a drawn velocity (m/s) in a random horizontal direction to a free root. Returns whether
+/// the frame had a push.
 pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) -> bool {
     let (Some(every), Some(size)) = (every(system), system.spec.vary.as_ref().and_then(|vary| vary.push)) else { return false };
     if frame == 0 || !frame.is_multiple_of(every) {
@@ -60,7 +61,7 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
     true
 }
 
-/// Replaces a state by the sensors' noisy reading of it in this frame of an episode.
+/// Replaces a state by the noisy sensor reading of this frame.
 pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) {
     if system.noisy() {
         episode.set_word_pos(u128::from(NOISES + frame * blocks(system)) * WORDS);
@@ -68,7 +69,7 @@ pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaC
     }
 }
 
-/// Adds the noise of a robot's sensors to a state.
+/// Adds sensor noise to a state.
 pub(crate) fn blur(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let (robot, size, per) = (&system.robot, system.motors.noise, 1.0 / system.frame_time);
     let (q, qd) = state.split_at_mut(robot.nq());

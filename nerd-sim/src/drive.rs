@@ -1,14 +1,15 @@
-//! Drives: position and velocity laws at the joints that act inside the substeps of a solver, as a servo's own loop does.
+//! Drives: position and velocity laws at the joints that act inside the substeps of a solver, like the inner loop of a
+//! servo.
 //!
-//! [`crate::control::Controller`] computes a torque once a frame and holds it, which is unstable for stiff gains (`kp > 4 I / h^2`). A
-//! drive acts in every substep, so any gain is stable.
+//! [`crate::control::Controller`] holds a torque constant over a frame, which is unstable for stiff gains
+//! (`kp > 4 I / h^2`). A drive acts in every substep, so any gain is stable.
 //!
 //! ```
 //! use nerd_sim::drive::Drive;
 //! use nerd_sim::prelude::*;
 //! let system = System::named("pendulum")?;
 //! let mut batch = Batch::new(&system, &system.scene("free")?, 1);
-//! // Far stiffer than a torque held over a frame may be.
+//! // These gains would be unstable as a torque held constant over a frame.
 //! batch.drives = vec![Drive { kp: 1e7, kd: 1e6, target: 0.5, ..Drive::default() }; system.robot.joint_count()];
 //! let mut simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
 //! for _ in 0..120 {
@@ -21,8 +22,8 @@
 use crate::scene::{points, up};
 use crate::{internal::*, system::stiffness};
 
-/// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
-/// ([`nerd_core::robot::Joint::velocity`]) it does not drive the joint faster still.
+/// `tau = kp (target - q) + kd (speed - qd)`, limited to the effort. Beyond the joint's velocity limit
+/// ([`nerd_core::robot::Joint::velocity`]) the drive does not accelerate the joint further.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drive {
@@ -30,11 +31,11 @@ pub struct Drive {
     pub kp: f64,
     /// Damping (N m s/rad or N s/m).
     pub kd: f64,
-    /// Position (rad or m); on a joint without limits a whole turn more is another one.
+    /// Target position (rad or m). On a joint without limits, targets a whole turn apart are different targets.
     pub target: f64,
-    /// Velocity (rad/s or m/s).
+    /// Target velocity (rad/s or m/s).
     pub speed: f64,
-    /// Largest torque (N m) or force (N); infinite: none.
+    /// Torque limit (N m) or force limit (N); infinite: none.
     pub effort: f64,
 }
 
@@ -45,7 +46,7 @@ impl Default for Drive {
 }
 
 impl Drive {
-    /// Torques that it may have at a velocity: least and largest.
+    /// Least and largest torque of the drive at joint velocity `qd`.
     pub fn bounds(&self, joint: &Joint, qd: f64) -> [f64; 2] {
         let most = |beyond: bool| if beyond { 0.0 } else { self.effort };
         [-most(qd < -joint.velocity), most(qd > joint.velocity)]
@@ -60,12 +61,12 @@ impl Drive {
     }
 }
 
-/// Drives that hold a robot's joints where they are in `state`, one a joint: what a URDF asks for that says nothing of gains.
+/// Drives that hold the joints of a robot at their positions in `state`, one per joint. They serve a URDF without
+/// gains.
 ///
-/// With the robot's mass m and its extent L (m), from its lowest contact point to its highest, `kp = m g L` holds its weight at the end
-/// of a lever as long as itself with an error of a radian (a slide bears it at a twentieth of L, `kp = 20 m g / L`): a legged robot on
-/// two or four of them stands. Damping takes a twentieth of a second, `kd = kp / 20`. Efforts are the URDF's. Without gravity it is held
-/// as strongly as on Earth.
+/// For mass m and extent L (m, lowest to highest contact point): `kp = m g L` on hinges, `kp = 20 m g / L` on slides,
+/// `kd = kp / 20`. A hinge then carries the robot's weight on a lever of length L with an error of 1 rad. For a slide
+/// the error is L / 20. Legged robots stand with these gains. Efforts are the URDF's. Without gravity, g is Earth's.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
     let (up, points) = (up(&system.gravity()), points(robot, state));
@@ -78,22 +79,23 @@ pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     joints.map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: joint.effort }).collect()
 }
 
-/// Drives with the gains of a robot's specification (`kp`, `kd`), one a joint, at its default position; none if it has no gains.
+/// Drives with the gains `kp` and `kd` of a robot's specification at its default pose, one per joint; empty without
+/// gains.
 pub fn specified(system: &System) -> Vec<Drive> {
     let joints = system.joint_specs().zip(system.robot.joints());
-    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: joint.effort });
+    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default_q, speed: 0.0, effort: joint.effort });
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
 }
 
-/// The position laws of a robot's specification as drives inside a frame that begins at `state`, where they ask for the torques `tau`, without bounds:
-/// one a joint, and in `rest` the torques of joints without gains, which are held.
+/// Converts the position laws of a specification to drives, one per joint. The frame starts at `state` with the laws'
+/// unlimited torques `tau`. `rest` receives the torques of joints without gains, which stay constant over the frame.
 pub(crate) fn servos(system: &System, state: &[f64], tau: &[f64], drives: &mut Vec<Drive>, rest: &mut Vec<f64>) {
     let robot = &system.robot;
     let (q, qd) = (&state[robot.root_coords()..], &state[robot.nq() + robot.root_dofs()..]);
     drives.clear();
     rest.clear();
     for (i, spec) in system.joint_specs().enumerate() {
-        let drive = Drive { kp: spec.kp, kd: spec.kd, effort: system.most(i), ..Drive::default() };
+        let drive = Drive { kp: spec.kp, kd: spec.kd, effort: system.torque_limit(i), ..Drive::default() };
         let (drive, held) = match (spec.kp > 0.0, spec.kd > 0.0) {
             (true, _) => (Drive { target: q[i] + (tau[i] + spec.kd * qd[i]) / spec.kp, ..drive }, 0.0),
             (_, true) => (Drive { speed: qd[i] + tau[i] / spec.kd, ..drive }, 0.0),
@@ -104,7 +106,8 @@ pub(crate) fn servos(system: &System, state: &[f64], tau: &[f64], drives: &mut V
     }
 }
 
-/// Takes gradients `by` `[joint][target, speed]` of [`servos`] to those by the torques, added to what is held, and by the state in its tangent space.
+/// Vector-Jacobian product of [`servos`]: from gradients `by` `[joint][target, speed]` to the gradients with respect to
+/// `tau` and to the state in its tangent space. Sets `by_tau` on joints with gains and adds to `by_state`.
 pub(crate) fn servos_back(system: &System, by: &[[f64; 2]], by_state: &mut [f64], by_tau: &mut [f64]) {
     let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
     for (i, (spec, [target, speed])) in system.joint_specs().zip(by).enumerate() {

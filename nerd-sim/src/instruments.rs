@@ -1,5 +1,5 @@
-//! Wrappers around a solver, and two solvers without physics. Each is a [`Solver`] itself, so it can take a solver's place anywhere, to
-//! time, record or disturb it.
+//! Wrappers around a solver that time, record or disturb it, and two solvers without physics. Each is itself a
+//! [`Solver`], so it can replace a solver anywhere.
 //!
 //! ```
 //! use nerd_sim::instruments::{Recorder, Replay, Shaken, Timed};
@@ -14,7 +14,7 @@
 //! }
 //! println!("{:?} for ten frames of three environments", timed.spent);
 //!
-//! // The same states once more, without computing them.
+//! // The same states again, without computing them.
 //! let frames = timed.solver.frames;
 //! let (mut replay, mut again) = (Replay::new(&frames), Batch::new(&system, &scene, 3));
 //! for _ in 0..10 {
@@ -29,17 +29,17 @@ use std::time::{Duration, Instant};
 use crate::solver::{around, commit};
 use crate::{internal::*, sampling::normal};
 
-/// Adds up the time of its solver's frames alone.
+/// Sums the wall time of a solver's frames.
 #[derive(Clone, Debug)]
 pub struct Timed<S = Box<dyn Solver>> {
-    /// The solver.
+    /// The wrapped solver.
     pub solver: S,
-    /// Time its frames have taken; set it to zero to restart.
+    /// Time that frames have taken; set it to zero to restart.
     pub spent: Duration,
 }
 
 impl<S: Solver> Timed<S> {
-    /// Around a solver, from zero.
+    /// Wraps a solver; the time starts at zero.
     pub fn new(solver: S) -> Self {
         Self { solver, spent: Duration::ZERO }
     }
@@ -56,17 +56,17 @@ impl<S: Solver> Solver for Timed<S> {
     around!();
 }
 
-/// Keeps every state of its solver after a frame; [`Replay`] plays them back.
+/// Records every state of its solver after a frame; [`Replay`] plays the states back.
 #[derive(Clone, Debug)]
 pub struct Recorder<S = Box<dyn Solver>> {
-    /// The solver.
+    /// The wrapped solver.
     pub solver: S,
     /// States `[env][q, qd]` after each frame.
     pub frames: Vec<Vec<f64>>,
 }
 
 impl<S: Solver> Recorder<S> {
-    /// Around a solver; nothing is kept yet.
+    /// Wraps a solver; the record is empty.
     pub fn new(solver: S) -> Self {
         Self { solver, frames: Vec::new() }
     }
@@ -85,8 +85,8 @@ impl<S: Solver> Solver for Recorder<S> {
     around!();
 }
 
-/// Adds normal noise (rad/s or m/s, to each velocity) after each frame of a solver. It shows how far a motion's own sensitivity amplifies
-/// small differences. A model whose error is no larger than its disturbed truth's has nothing left to learn.
+/// Adds normal noise (rad/s or m/s) to each velocity after each frame of a solver. The result shows how far the motion
+/// itself amplifies small differences. A model with no more error than the disturbed truth cannot improve further.
 #[derive(Clone, Debug)]
 pub struct Shaken<S = Box<dyn Solver>> {
     solver: S,
@@ -96,7 +96,7 @@ pub struct Shaken<S = Box<dyn Solver>> {
 }
 
 impl<S: Solver> Shaken<S> {
-    /// Adds noise of this standard deviation after each frame; frame t has a stream of its own, keyed by (seed, t).
+    /// Wraps a solver; `noise` is the standard deviation. The noise of frame t has its own stream, keyed by (seed, t).
     pub fn new(solver: S, noise: f64, seed: u64) -> Self {
         Self { solver, noise, seed, frame: 0 }
     }
@@ -116,17 +116,17 @@ impl<S: Solver> Solver for Shaken<S> {
     around!();
 }
 
-/// Plays recorded states back, whatever the torques: a reference that costs nothing to evaluate again.
+/// Plays recorded states back and ignores torques: a reference without the cost of a second evaluation.
 #[derive(Clone, Debug)]
 pub struct Replay<'a> {
-    /// States `[env][q, qd]` by frame, as [`Recorder`] keeps them.
+    /// States `[env][q, qd]` by frame, as recorded by [`Recorder`].
     pub frames: &'a [Vec<f64>],
-    /// The next frame.
+    /// Index of the next frame.
     pub next: usize,
 }
 
 impl<'a> Replay<'a> {
-    /// From the first frame on.
+    /// Starts at the first frame.
     pub fn new(frames: &'a [Vec<f64>]) -> Self {
         Self { frames, next: 0 }
     }
@@ -148,7 +148,7 @@ impl Solver for Replay<'_> {
     }
 }
 
-/// Keeps every state: the baseline of knowing nothing.
+/// Keeps every state unchanged: the baseline without a prediction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hold;
 
@@ -159,7 +159,7 @@ impl Solver for Hold {
     }
 }
 
-/// Continues at the present velocity: better than [`Hold`] for a few frames, mostly worse for many.
+/// Advances positions at constant velocity: better than [`Hold`] for a few frames, mostly worse for many.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Glide;
 
@@ -172,8 +172,8 @@ impl Solver for Glide {
     }
 }
 
-/// Advances a state `[q, qd]` by `time` (s) at constant joint velocities, angular velocity and velocity of the root. Endless angles are not
-/// wrapped.
+/// Advances a state `[q, qd]` by `time` (s) at constant joint velocities, and constant angular velocity and velocity of
+/// the root. Angles of joints without limits are not wrapped.
 pub fn glide(system: &System, state: &mut [f64], time: f64) {
     let (q, qd) = system.robot.split(state);
     qd.to_local(&system.robot, q).advance(&system.robot, state, time);

@@ -26,7 +26,6 @@ pub mod rollout;
 pub mod sampling;
 pub mod scene;
 pub mod solver;
-pub mod suite;
 pub mod system;
 #[cfg(feature = "csv")]
 pub mod table;
@@ -37,7 +36,7 @@ pub use nerd_core;
 pub use parry3d_f64 as parry;
 pub use system::cable;
 
-/// What most programs need; nerd-core's beside it.
+/// Types and functions that most programs need, including nerd-core's prelude.
 pub mod prelude {
     pub use std::sync::Arc;
 

@@ -1,7 +1,8 @@
-//! A system in a scene as MJCF, MuJoCo's own text: the same bodies, joints and shapes, to the last digit.
+//! Writes a system in a scene as MJCF, MuJoCo's model format, with the same bodies, joints and shapes to the last
+//! digit.
 //!
-//! Limits are our spring and damper (see `limit`). Contacts are MuJoCo's soft constraints, with its default settings and the friction of
-//! the pair, or match ours as far as MuJoCo allows. Shapes that would need a mesh are refused.
+//! Joint limits match our spring and damper (see `limit`). Contacts have the friction of the pair and MuJoCo's default
+//! softness, or match our contact model as far as MuJoCo allows. Shapes that would need a mesh are refused.
 
 pub use crate::system::mjcf::is_mjcf;
 
@@ -9,25 +10,25 @@ use crate::internal::*;
 use crate::scene::{Meeting, Softness};
 use crate::system::inverse_weights;
 
-/// Why a system cannot be written for MuJoCo; one line.
+/// A system that MJCF cannot represent; one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct MjcfError(String);
 
-/// MuJoCo's least impedance: such a weak constraint applies its force almost independently of the inertia it acts on.
+/// MuJoCo's smallest impedance. At this value the force of a constraint hardly depends on the inertia.
 const WEAKEST: f64 = 1e-4;
 
 /// Least radius (m) and range (rad or m) that MuJoCo accepts.
 const LEAST: f64 = 1e-9;
 
-/// Geoms of the scene touch the robot's geoms and nothing else.
+/// Geoms of the scene collide with the robot's geoms and with nothing else.
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
 const ROBOT: &str = r#"contype="0" conaffinity="1""#;
-/// Geoms that meet only in explicit pairs.
+/// Geoms that collide only in explicit pairs.
 const NONE: &str = r#"contype="0" conaffinity="0""#;
 
-/// `system` in `scene` as MJCF; the caller sets the integrator and the step. A drive on every joint becomes a MuJoCo actuator; velocity
-/// limits are left out.
+/// `system` in `scene` as MJCF; the caller sets integrator and time step. `drives` are empty or one per joint; each
+/// becomes a MuJoCo actuator. Velocity limits are left out.
 ///
 /// ```
 /// use nerd_sim::prelude::*;
@@ -38,21 +39,26 @@ const NONE: &str = r#"contype="0" conaffinity="0""#;
 /// ```
 ///
 /// # Errors
-/// If the scene has other colliders than planes, boxes and cylinders, or the robot's mass matrix is not positive definite.
+/// If the scene has colliders other than planes, boxes and cylinders, or the mass matrix is not positive definite. Also
+/// for `<mimic>` joints and for weight taken off part of a link.
 pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
-    // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
+    // A standing robot must not creep: MuJoCo's friction is by default as soft as its contacts.
     let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
     written(system, scene, drives, hold, None)
 }
 
-/// The same with position actuators where the robot's law acts inside a frame, by joint and with their target as control. Contacts get the
-/// stiffness, damping and drag of ours in this scene, all of whose colliders must have one material.
+/// As [`mjcf`], with position actuators (control: the target) where the robot's law acts inside a frame. Contacts match
+/// our stiffness, damping and drag in this scene. All colliders must have one material.
 pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
     let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));
     let law = system.spec.control.filter(|law| law.servo);
-    let servo =
-        |(i, joint): (usize, &crate::system::JointSpec)| Drive { kp: joint.kp, kd: joint.kd, effort: system.most(i), ..Drive::default() };
+    let servo = |(i, joint): (usize, &crate::system::JointSpec)| Drive {
+        kp: joint.kp,
+        kd: joint.kd,
+        effort: system.torque_limit(i),
+        ..Drive::default()
+    };
     let servos: Vec<_> = system.joint_specs().enumerate().map(servo).take_while(|_| law.is_some()).collect();
     written(system, scene, &servos, &hold, material)
 }
@@ -77,9 +83,10 @@ fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, materia
         let (kind, size, place) = geom(collider).ok_or_else(|| {
             MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
         })?;
-        // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
+        // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's geoms have
+        // none.
         let friction = mean.friction;
-        // With this weight the robot's geoms alone determine a contact's softness.
+        // With this weight the robot's geoms alone determine the softness of a contact.
         let mix = if material.is_some() { " solmix=\"1e-9\"" } else { "" };
         let meets = if paired { format!("name=\"scene {k}\" {NONE}") } else { format!("friction=\"{friction}\"{mix} {SCENE}") };
         text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} {meets}/>\n", pose(&place));
@@ -101,8 +108,8 @@ fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, materia
     Ok(text + "</mujoco>\n")
 }
 
-/// Every pair of a robot's geom (of a link and perhaps a surface) and a scene's geom that meet, with its contact parameters: softness that
-/// matches ours by the inverse inertias of links, or the values of the robot's file.
+/// Every colliding pair of a robot geom (link and perhaps surface, from `geoms`) and a scene geom, with its contact
+/// parameters. The softness matches our contact model by the links' inverse inertias, or comes from the robot's file.
 fn pairs(system: &System, scene: &Scene, geoms: &[(usize, Option<usize>)], inverse: Option<&[f64]>) -> String {
     let mut text = "<contact>\n".to_string();
     for ((n, (link, surface)), (k, collider)) in
@@ -137,9 +144,8 @@ fn pairs(system: &System, scene: &Scene, geoms: &[(usize, Option<usize>)], inver
 fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
     let quarter = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), -std::f64::consts::FRAC_PI_2);
     if let Some(plane) = collider.plane {
-        // Its geom's z axis points out of a plane.
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+        // A plane's normal is the z axis of its geom.
+        let turn = rotation_from(&Vector3::z_axis(), &plane.normal);
         return Some(("plane", "0 0 1".into(), Isometry3::from_parts((plane.normal * plane.offset).into(), turn)));
     }
     if let Some(cuboid) = collider.shape.as_cuboid() {
@@ -151,7 +157,7 @@ fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
     Some(("cylinder", numbers(&[cylinder.radius, cylinder.half_height]), collider.pose * quarter))
 }
 
-/// Context for writing a robot: its scene, the inverse inertias of its joints, and the softness of its geoms by link.
+/// Context for writing a robot: the scene, the inverse inertias of the joints, and by link the softness of its geoms.
 struct Own<'a> {
     robot: &'a Robot,
     scene: &'a Scene,
@@ -160,12 +166,13 @@ struct Own<'a> {
 }
 
 impl Own<'_> {
-    /// Link `i` and its subtree; `base` is the pose of its parent's frame in the body it is nested in. Links are depth-first in the robot,
-    /// as MuJoCo counts its bodies, so the joints keep their order.
+    /// Writes link `i` and its subtree. `base` is the pose of the parent frame in the enclosing body. Links are
+    /// depth-first in the robot, in MuJoCo's body order, so the joints keep their order.
     ///
-    /// MuJoCo has no massless bodies, but bodies with several joints: a massless link between two joints is left out, and its joint is
-    /// moved to the next link. `before` are such links, with their frames in the form of `base`. Where contacts are given by pair, a link's
-    /// geoms meet nothing else, and `geoms` receives the link and surface of each.
+    /// MuJoCo has no massless bodies, but allows several joints on a body. A massless link between two joints is
+    /// therefore left out, and its joint moves to the next link. `before` holds such links with their poses in the
+    /// enclosing body. With contacts by pair, geoms collide only in pairs, and `geoms` receives link and surface of
+    /// each geom.
     fn body(
         &self,
         text: &mut String,
@@ -182,9 +189,9 @@ impl Own<'_> {
             let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
             return self.body(text, geoms, child, &origin, &before);
         }
-        // MuJoCo's own name of the fixed world, and many a URDF's name of its root.
+        // MuJoCo reserves `world` for its fixed world; many URDFs use it for the root.
         let name = if link.name == "world" { "world link" } else { &link.name };
-        // A free root's armature is included in its inertia, and compensated there.
+        // The inertia of a free root includes its armature; subtract the armature here, where the joint has it.
         let mut own = link.clone();
         let armature = if link.joint.is_none() { robot.free.armature } else { 0.0 };
         own.arm(-armature);
@@ -229,7 +236,7 @@ impl Own<'_> {
     }
 }
 
-/// `place` is the joint's frame in its body's.
+/// `place` is the pose of the joint frame in its body; `weight` the inverse inertia of the joint.
 fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
     let axis = if *place == Isometry3::identity() { joint.axis().into_inner() } else { place.rotation * joint.axis().into_inner() };
@@ -245,7 +252,8 @@ fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     format!("<joint name=\"{name}\" type=\"{kind}\"{at} axis=\"{axis}\" {forces} {limit}/>\n")
 }
 
-/// A drive: `b_0 + b_1 q + b_2 qd` of MuJoCo's affine bias, kept within its effort; its control moves the target.
+/// Writes a drive as MuJoCo's affine bias `b_0 + b_1 q + b_2 qd`, limited to its effort. The control offsets the
+/// target.
 fn actuator(joint: &Joint, drive: &Drive) -> String {
     let Drive { kp, kd, target, speed, effort } = drive;
     let bias = numbers(&[kp * target + kd * speed, -kp, -kd]);
@@ -253,21 +261,22 @@ fn actuator(joint: &Joint, drive: &Drive) -> String {
     format!("<general joint=\"{}\" gainprm=\"{kp}\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n", escape(&joint.name))
 }
 
-/// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`
-/// in accelerations. At its least impedance, `R = A / 1e-4` outweighs A and a_0, and `k' = k A`, `b = d A` match ours to 1e-4, except that
-/// it never pulls. At this impedance it is as explicit as ours: a limit too stiff for one substep is unstable, where MuJoCo's own limits
-/// would hold.
+/// Writes a limit of stiffness k and damping d, which beyond an end applies `-k r - d v`. MuJoCo applies
+/// `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`, in accelerations. At the smallest impedance,
+/// `R = A / 1e-4` outweighs A and a_0. Then `k' = k A` and `b = d A` match ours to 1e-4, but MuJoCo's limit never
+/// pulls. The force is then as explicit as ours: a limit too stiff for one substep is unstable, where MuJoCo's default
+/// limits would be stable.
 fn limit(limit: &Limit, weight: f64) -> String {
     if limit.stiffness <= 0.0 {
         return "limited=\"false\"".into();
     }
     let (k, d) = (limit.stiffness * weight, limit.damping * weight);
-    // A locked joint needs a range, too.
+    // A locked joint also needs a range.
     let range = numbers(&[limit.lower, limit.upper.max(limit.lower + LEAST)]);
     format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
 }
 
-/// `(M^-1)_ii` of each joint at zero coordinates: MuJoCo scales a joint's constraints by this inverse inertia.
+/// `(M^-1)_ii` of each joint at zero coordinates: the inverse inertia by which MuJoCo scales a joint's constraints.
 fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
     let (mut data, mut factor) = (Data::new(robot), Factor::new(robot));
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
@@ -284,8 +293,8 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
     Ok((robot.root_dofs()..robot.nv()).map(column).collect())
 }
 
-/// The settings of a geom whose contact matches our spring and damper, as in [`limit`]: MuJoCo's inverse inertia of a contact is the one at
-/// the link's centre of mass at zero coordinates, the mean over directions.
+/// Softness of a geom that matches our spring and damper, as in [`limit`]. For contacts, MuJoCo's inverse inertia is
+/// taken at the link's centre of mass at zero coordinates, as mean over directions.
 fn softness(material: &Material, inverse: f64) -> String {
     let (k, d) = (material.stiffness * inverse, material.damping * inverse);
     format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")

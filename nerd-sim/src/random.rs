@@ -1,5 +1,5 @@
-//! Random numbers. Each trajectory draws from a ChaCha8 stream of its own, keyed by (seed, trajectory), so its draws depend on neither
-//! threads nor other trajectories.
+//! Random numbers. Each trajectory draws from its own ChaCha8 stream, keyed by (seed, trajectory), so its draws depend
+//! on neither threads nor other trajectories.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt, SeedableRng};
@@ -12,13 +12,13 @@ pub fn stream(seed: u64, trajectory: u64) -> ChaCha8Rng {
     rng
 }
 
-/// One N(0, 1) number (Box and Muller), from two draws.
+/// One N(0, 1) number by Box and Muller, from two draws.
 pub fn normal(rng: &mut impl Rng) -> f64 {
     let (u, v): (f64, f64) = (rng.random(), rng.random());
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// A cube-uniform direction.
+/// A direction uniform in a cube, then normalised: denser toward the cube's corners.
 pub(crate) fn direction(rng: &mut impl Rng) -> Vector3<f64> {
     let mut side = || 2.0 * rng.random::<f64>() - 1.0;
     loop {

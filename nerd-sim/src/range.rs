@@ -1,4 +1,4 @@
-//! Sampling ranges written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
+//! Sampling ranges written as text: `U(a, b)` with numbers such as `3.5`, `-2pi`, `5pi/9`.
 
 use std::{fmt, ops::RangeInclusive};
 
@@ -24,7 +24,7 @@ impl Range {
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // -0 + 0 is 0, so equal ranges have equal texts.
+        // -0 + 0 is 0, so equal ranges have equal text.
         write!(f, "U({}, {})", self.low + 0.0, self.high + 0.0)
     }
 }
@@ -48,7 +48,7 @@ impl TryFrom<String> for Range {
     }
 }
 
-/// A finite number, a multiple of pi, or a fraction of two such.
+/// A finite number, a multiple of pi, or a fraction of two of them.
 pub(crate) fn number(text: &str) -> Option<f64> {
     let value = match text.split_once('/') {
         Some((above, below)) => multiple(above)? / multiple(below)?,
@@ -68,7 +68,7 @@ fn multiple(text: &str) -> Option<f64> {
     }
 }
 
-/// Refuses a number outside a range, by its key.
+/// Refuses `x` outside `range`; the error names `key` and `unit`.
 pub fn within(key: impl fmt::Display, x: f64, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
     if range.contains(&x) {
         return Ok(());
@@ -81,7 +81,7 @@ fn short(x: f64) -> String {
     if x == 0.0 || (1e-3..1e5).contains(&x.abs()) || x.abs() < 1e12 && x.fract() == 0.0 { x.to_string() } else { format!("{x:e}") }
 }
 
-/// Refuses a range with an end outside of bounds, or whose lower end is above the upper one.
+/// Refuses a range with an end outside the bounds, or with its lower end above the upper end.
 pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
     if law.low > law.high {
         return Err(format!("{key} is {law}; its low end is above the high one"));
@@ -89,7 +89,7 @@ pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str
     [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
 }
 
-/// Exactly N values: serde would ignore the rest of a longer list.
+/// Deserialises exactly N values: serde would ignore the rest of a longer list.
 pub(crate) fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
     let values = Vec::<T>::deserialize(from)?;
     values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))

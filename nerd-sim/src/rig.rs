@@ -1,5 +1,5 @@
-//! A solver with an actuator and sensor model ([`Motors`]): torques may be late, weaker, fall with speed or ripple; states are sensor
-//! readings.
+//! A solver with an actuator and sensor model ([`Motors`]). Torques may be delayed, weakened, reduced at speed or
+//! rippling; states are sensor readings.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -10,7 +10,7 @@
 //! let batch = vary::batch(&system, "free", 8, 0)?;
 //! let solver = Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)));
 //! let mut simulation = Simulation::new(batch, solver);
-//! // Some act in the first frame, all in the third.
+//! // Torques act on some robots in the first frame, on all in the third.
 //! (0..3).try_for_each(|_| simulation.step(&[100.0; 16]))?;
 //! assert!(simulation.batch.state(0) != simulation.batch.state(1));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
@@ -19,30 +19,35 @@
 use nerd_core::state::wrap_state;
 
 pub use crate::system::motors::{LATEST, Motors};
-use crate::{internal::*, solver::around};
+use crate::{internal::*, solver::around, vary::VarySpec};
 
-/// Frames of torques in memory, the present one included.
+/// Frames of torques in memory, including the present frame.
 const FRAMES: usize = LATEST as usize + 1;
 
-/// Steps robots with their motors and sensors, by a solver that has no model of them. With a delay the next frame depends on the torques of
-/// the last ones; before a start, and for missing frames, these are zero.
+/// Steps robots with their actuators and sensors, around a solver without a model of them. With a delay, the next frame
+/// depends on torques of the last frames. Before a start and for missing frames these torques are zero.
 pub struct Rig<S = Box<dyn Solver>> {
     solver: S,
-    /// The robots of the batch and of its environments, each with its copy without motors.
+    /// Robot of the batch, then of each environment, each with its copy without motors.
     bare: Vec<[Arc<System>; 2]>,
-    /// Commanded torques, the newest first, `[env][FRAMES][joint]`; and the frame of the newest.
+    /// Commanded torques `[env][FRAMES][joint]`, newest first; and the frame of the newest.
     asked: Vec<f64>,
     newest: Vec<u64>,
     torques: Vec<f64>,
 }
 
+/// The solver, in a [`Rig`] if the robot's `[vary]` has ranges for actuators or sensors.
+pub fn rigged(bare: Box<dyn Solver>, system: &System) -> Box<dyn Solver> {
+    if system.spec.vary.as_ref().is_some_and(VarySpec::rigged) { Box::new(Rig::new(bare)) } else { bare }
+}
+
 impl<S: Solver> Rig<S> {
-    /// Around a solver.
+    /// Wraps a solver.
     pub fn new(solver: S) -> Self {
         Self { solver, bare: Vec::new(), asked: Vec::new(), newest: Vec::new(), torques: Vec::new() }
     }
 
-    /// A robot without its motors; the `k`-th of a batch.
+    /// The robot without its motors; `k` is its place in `bare`.
     fn stripped(&mut self, k: usize, system: &Arc<System>) -> Arc<System> {
         if let Some([_, bare]) = self.bare.get(k).filter(|[own, _]| Arc::ptr_eq(own, system)) {
             return bare.clone();
@@ -54,7 +59,7 @@ impl<S: Solver> Rig<S> {
         bare
     }
 
-    /// The torques that act in this frame; stores the commanded ones.
+    /// Computes the torques that act in this frame, and stores the commanded torques.
     fn drive(&mut self, batch: &Batch, torques: &[f64]) {
         let (n, joints) = (batch.len(), batch.system.robot.joint_count());
         if self.newest.len() != n || self.asked.len() != n * FRAMES * joints {
@@ -77,7 +82,7 @@ impl<S: Solver> Rig<S> {
     }
 }
 
-/// Converts sensor readings to joint positions (`side` 1), or back (-1).
+/// Converts sensor readings to joint positions (`side` 1) or joint positions to readings (-1).
 fn shift(batch: &mut Batch, side: f64) {
     for env in 0..batch.len() {
         let own = batch.of(env).clone();
@@ -124,24 +129,5 @@ impl<S: Solver> Solver for Rig<S> {
             *newest = u64::MAX - 1;
         }
         self.solver.reset(env);
-    }
-
-    /// The frame of the newest torques, all stored torques, and the inner solver's memory.
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
-        let Some(newest) = self.newest.get(env) else { return Ok(Vec::new()) };
-        let width = self.asked.len() / self.newest.len();
-        let own = [*newest as f64].into_iter().chain(self.asked[env * width..(env + 1) * width].iter().copied());
-        Ok(own.chain(self.solver.remembered(env)?).collect())
-    }
-
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
-        let width = self.asked.len().checked_div(self.newest.len()).unwrap_or_default();
-        let (Some((newest, rest)), true) = (memory.split_first(), env < self.newest.len() && memory.len() > width) else {
-            self.reset(env);
-            return if memory.is_empty() { Ok(()) } else { Err(StepError::Solver("these numbers are no memory of this robot".into())) };
-        };
-        self.newest[env] = *newest as u64;
-        self.asked[env * width..(env + 1) * width].copy_from_slice(&rest[..width]);
-        self.solver.recall(env, &rest[width..])
     }
 }

@@ -1,8 +1,8 @@
-//! Rollouts as CSV: reads starts and torques from a table, rolls them out under any solver, and writes the states to another table.
+//! Rolls out starts and torques from a CSV table under any solver, and writes the states to another table.
 //!
-//! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns (`state_columns`; rad, m, rad/s, m/s;
-//! read at step 0 alone) and, if the robot is driven, all torque columns (N m or N), each held from its row's step to the next. Columns are
-//! found by name; others are ignored.
+//! A table has a header and one row per trajectory and step. Columns: `traj, step`, the state (`state_columns`; rad, m,
+//! rad/s, m/s; read at step 0 only), and for a driven robot all torques (N m or N). Torques are held constant from a
+//! row's step to the next. Columns are found by name; others are ignored.
 //!
 //! ```no_run
 //! use nerd_sim::{prelude::*, rollout::States};
@@ -17,14 +17,14 @@
 use crate::internal::*;
 use crate::table::{Place, Table, twice};
 
-/// Largest step number: at 1/60 s, four and a half hours.
+/// Largest step number: 4.6 hours at 1/60 s.
 pub const FRAMES: usize = 1_000_000;
 
-/// Why a rollout could not be read, made or written.
+/// Errors of reading, computing or writing a rollout.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RolloutError {
-    /// The table cannot be read, or does not drive its robot in every frame.
+    /// The table cannot be read, or lacks torques for a frame.
     #[error(transparent)]
     Table(#[from] FileError),
     /// An error of the solver.
@@ -38,32 +38,32 @@ pub enum RolloutError {
 /// Content of a table.
 #[derive(Clone, Debug)]
 pub struct States {
-    /// The table.
+    /// Path of the table.
     pub path: PathBuf,
-    /// Trajectories by id.
+    /// Trajectories by number.
     pub trajectories: BTreeMap<u64, Trajectory>,
-    /// Whether it has torques.
+    /// Whether the table has torques.
     pub driven: bool,
 }
 
-/// One trajectory: its start, and its torques by step.
+/// One trajectory: start, and torques by step.
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
     /// State `[q, qd]` of step 0.
     pub start: Vec<f64>,
-    /// By step, the row's place and joint torques; the last row of a trajectory needs none.
+    /// By step: position of its row and joint torques. The last row of a trajectory needs no torques.
     steps: BTreeMap<usize, (Place, Option<Vec<f64>>)>,
 }
 
 impl Trajectory {
-    /// Torques by joint (N m or N) held from a step to the next.
+    /// Joint torques (N m or N), held constant from `step` to the next.
     pub fn torques(&self, step: usize) -> Option<&[f64]> {
         self.steps.get(&step)?.1.as_deref()
     }
 }
 
 impl States {
-    /// Reads a table of `system`.
+    /// Reads a table for `system`.
     pub fn read(path: &Path, system: &System) -> Result<Self, FileError> {
         let mut table = Table::open(path)?;
         let columns = Columns::find(&table, system)?;
@@ -94,17 +94,17 @@ impl States {
         Ok(Self { path: path.into(), trajectories, driven: !columns.torques.is_empty() })
     }
 
-    /// Frames of the table: its largest step.
+    /// Largest step in the table.
     pub fn frames(&self) -> usize {
         self.trajectories.values().filter_map(|t| t.steps.last_key_value()).map(|(step, _)| *step).max().unwrap_or(0)
     }
 
-    /// Its rows.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.trajectories.values().map(|t| t.steps.len()).sum()
     }
 
-    /// Refuses a table that drives its robot, but not in each of `frames` frames.
+    /// Refuses a table with torques in some but not all of `frames` frames.
     pub fn check(&self, frames: usize) -> Result<(), FileError> {
         for (trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
             if let Some(step) = (0..frames).find(|step| t.torques(*step).is_none()) {
@@ -115,8 +115,9 @@ impl States {
         Ok(())
     }
 
-    /// Rolls all trajectories out in `scene`, one environment each by id, and returns the table of their states: `traj, step`
-    /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` receives the frames done.
+    /// Rolls out all trajectories in `scene`, one environment each in order of their numbers. Returns the table of
+    /// states: `traj, step` and the state for steps 0 to `frames`, with the digits of an f64. `progress` receives the
+    /// number of frames done.
     pub fn roll(
         &self,
         system: &Arc<System>,
@@ -153,8 +154,8 @@ impl States {
     }
 }
 
-/// Whether these bytes are a table as written by [`States::roll`] for a system: all cells are there, numbers have this format, and steps
-/// are consecutive.
+/// Whether `table` has the form that [`States::roll`] writes for `system`: same header, all cells present, numbers in
+/// the same format, consecutive steps.
 pub fn written(table: &[u8], system: &System) -> bool {
     let header = ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect::<Vec<_>>();
     let (mut reader, mut last) = (csv::Reader::from_reader(table), 0);
@@ -191,7 +192,7 @@ impl Columns {
             })
         };
         let given = |name: &&&str| torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name);
-        // Either all torque columns are there or none: a misnamed one would be ignored silently.
+        // All torque columns or none: a misspelled column would be ignored silently.
         let driven = there.iter().any(|name| given(&name));
         Ok(Self {
             traj: needed("traj")?,

@@ -1,4 +1,4 @@
-//! Task-agnostic sampling: starts and scenes.
+//! Task-agnostic sampling of starts and scenes.
 
 use rand::{Rng, RngExt};
 
@@ -9,21 +9,23 @@ use crate::system::start::{clear_start, draw, write_twist};
 use crate::system::{RandomPegs, RandomPlane, RootStart};
 use crate::{internal::*, random::direction};
 
-/// Rounds of draws after which a start is accepted although it is not clear: a specification that was changed after its system was made may
-/// have no clear start.
+/// Rounds of draws after which a start is accepted even where it is not clear of the scene. A specification changed
+/// after its system was made may have no clear start.
 const ROUNDS: usize = 100;
 
-/// A start `[q, qd]`. A floating root is drawn in body axes about its default pose, until it is clear of the scene if required.
+/// Draws a start `[q, qd]`. A floating root is drawn in body axes about its default pose, until it is clear of the
+/// scene if required.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     (0..ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
-/// Factor of the largest velocities of [`hurry`] on the largest of the reset law: for the Ant up to 6 m/s and 16 rad/s, near the speeds of
-/// its policies.
+/// Ratio of the largest velocities of [`hurry`] to the largest of the reset law: for the Ant up to 6 m/s and 16 rad/s,
+/// near the speeds of its policies.
 pub const FASTEST: f64 = 64.0;
 
-/// Replaces the velocities of a start. Each is uniform within a common share, drawn from U(0, 1), of a maximum: [`FASTEST`] times the
-/// largest of the reset law or, if less, the largest of the data's. The pose is kept.
+/// Replaces the velocities of a start; the pose is kept. Each velocity is uniform within a common share, drawn from
+/// U(0, 1), of its maximum. The maximum is [`FASTEST`] times the largest velocity of the reset law, but at least the
+/// largest of the data's law.
 pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let (robot, spec) = (&system.robot, &system.spec);
     let (nq, rates) = (robot.nq(), robot.nq() + robot.root_dofs());
@@ -31,23 +33,23 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let share: f64 = rng.random();
     let mut even = |reset: f64, sample: &Range| share * (FASTEST * reset).max(largest(sample)) * (2.0 * rng.random::<f64>() - 1.0);
     if let Some(root) = &spec.root {
-        // A root without a reset law of its own starts as the data does, which is wide already.
+        // A root without a reset law starts with the data's law, which is already wide.
         let of = |ranges: fn(&RootStart) -> &[Range; 3], i: usize| root.reset.as_ref().map_or(0.0, |r| largest(&ranges(r)[i]));
         let mut vector = |ranges: fn(&RootStart) -> &[Range; 3]| Vector3::from_fn(|i, _| even(of(ranges, i), &ranges(&root.sample)[i]));
-        let (angular, linear) = (vector(|r| &r.angular), vector(|r| &r.linear));
+        let (ang_vel, velocity) = (vector(|r| &r.ang_vel), vector(|r| &r.velocity));
         let (p, pose) = (Vector3::from_column_slice(&state[..3]), quaternion(&state[3..7]));
-        write_twist(&mut state[nq..rates], (&p, &pose), (&angular, &linear));
+        write_twist(&mut state[nq..rates], (&p, &pose), (&ang_vel, &velocity));
     }
     for (rate, joint) in state[rates..].iter_mut().zip(&spec.joints) {
         *rate = even(largest(&joint.reset.qd), &joint.sample.qd);
     }
 }
 
-/// The scene of a random trajectory from `state`: the system's own, a random plane if the system has that law, else empty; with random pegs
-/// if it has those.
+/// The scene of a random trajectory that starts at `state`: the system's data scene, else a random plane if the system
+/// has such a law, else empty. Random pegs are added if the system has them.
 ///
-/// Range: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the
-/// start, so the robot starts clear of the plane, and of the pegs.
+/// Random plane: normal n uniform in a cube, then normalised; offset `U(n . root - reach, min_i n . p_i - clearance)`
+/// over the contact points p_i of the start. So the robot starts clear of the plane, and of the pegs.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
     if let (Some(scene), None) = (&own, &system.spec.random_pegs) {
@@ -76,7 +78,7 @@ fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl 
         events.iter().zip(&system.robot.contact_points).all(|(event, point)| event.distance >= point.radius)
     };
     let mut one = || {
-        let spec = PegSpec { radius: law.radius.draw(rng), height: law.height, at: law.at.map(|range| range.draw(rng)) };
+        let spec = PegSpec { radius: law.radius.draw(rng), height: law.height, position: law.position.map(|range| range.draw(rng)) };
         peg(&spec, &system.gravity(), system.spec.material)
     };
     (0..law.count).filter_map(|_| (0..PLACES).map(|_| one()).find(&mut clear)).collect()
@@ -89,7 +91,7 @@ fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut imp
     kinematics(robot, state, &mut data);
     let heights = robot.contact_points.iter().map(|c| normal.dot(&place(c, &data, &normal)));
     let tangent = heights.fold(f64::INFINITY, f64::min);
-    // The plane's reach is measured from the first joint, where the arm hangs.
+    // The reach is measured from the first moving link, where the arm is mounted.
     let pivot = point_position(&data, 0, &Vector3::zeros());
     let high = tangent - law.clearance;
     // If the start leaves no room within reach, the clearance has precedence.

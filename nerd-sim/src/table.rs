@@ -1,4 +1,4 @@
-//! Tables whose columns are found by name, in any order: CSV files, or arrays. Errors name file, row and column.
+//! Reads tables with columns in any order, found by name: CSV files or arrays. Errors name file, row and column.
 
 use std::io::{BufRead, BufReader, Read};
 use std::{collections::HashSet, fmt, fs::File, hash::Hash};
@@ -9,7 +9,7 @@ use crate::{arrays::Arrays, files::LARGEST_TABLE, internal::*};
 
 /// Tolerance of a quaternion's length against 1: files round digits.
 const UNIT: f64 = 1e-3;
-/// Bytes of a first line that are looked at.
+/// Largest length (bytes) of the first line in the search for a delimiter.
 const LINE: u64 = 1 << 20;
 
 pub(crate) struct Table {
@@ -24,7 +24,7 @@ enum Source {
 }
 
 impl Table {
-    /// A CSV, or arrays by the file's extension, with these columns.
+    /// Opens a CSV, or by the file extension arrays with the columns `wanted`.
     pub fn of(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         if !Arrays::named(path) {
             return Self::open(path);
@@ -33,7 +33,7 @@ impl Table {
         Ok(Self { path: path.into(), names, source })
     }
 
-    /// A CSV, whose first line determines the delimiter: commas, else semicolons or tabs.
+    /// Opens a CSV. Its first line determines the delimiter: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
         crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;
@@ -46,7 +46,7 @@ impl Table {
         Ok(Self { path: path.into(), names, source: Source::Csv(reader) })
     }
 
-    /// Positions of these columns.
+    /// Indices of the columns `wanted`.
     pub fn columns(&self, wanted: &[String]) -> Result<Vec<usize>, FileError> {
         let at = |name: &String| self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")));
         wanted.iter().map(at).collect()
@@ -56,7 +56,7 @@ impl Table {
         FileError::new(&self.path, reason)
     }
 
-    /// Hands every row to `take`.
+    /// Passes every row to `take`.
     pub fn rows(&mut self, mut take: impl FnMut(&Row) -> Result<(), FileError>) -> Result<(), FileError> {
         let (path, names) = (&self.path, &self.names);
         match &mut self.source {
@@ -76,9 +76,9 @@ impl Table {
 /// Position of a row in its file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
-    /// The line of a text, from 1; the row of arrays, from their start.
+    /// Line of a text file, from 1; row of an array, from 0.
     line: u64,
-    /// For arrays the trajectory, if they have that axis.
+    /// For arrays, the trajectory where the arrays have that axis; `None` for text files.
     of: Option<Option<u64>>,
 }
 
@@ -119,7 +119,7 @@ impl Row<'_> {
         }
     }
 
-    /// Whether a cell is empty, or NaN in arrays.
+    /// Whether a cell of a CSV is empty, or NaN in arrays.
     pub fn empty(&self, column: usize) -> bool {
         match &self.cells {
             Cells::Text(record) => record.get(column).is_none_or(|cell| cell.trim().is_empty()),
@@ -127,12 +127,12 @@ impl Row<'_> {
         }
     }
 
-    /// The trajectory, for arrays that have that axis.
+    /// The trajectory, for arrays with that axis.
     pub fn trajectory(&self) -> Option<u64> {
         self.place.of.flatten()
     }
 
-    /// An error of this row; `reason` follows its position.
+    /// An error at this row; `reason` follows the position.
     pub fn wrong(&self, reason: &str) -> FileError {
         FileError::new(self.path, format!("{}{reason}", self.place))
     }
@@ -141,19 +141,19 @@ impl Row<'_> {
         self.wrong(&format!(", column `{}`: `{}` is not a {what}", self.names[column], self.cell(column)))
     }
 
-    /// A whole number of at most `most`.
+    /// A whole number from 0 to `most`.
     pub fn whole(&self, column: usize, most: u64) -> Result<u64, FileError> {
         let number = self.cell(column).parse().ok().filter(|n| *n <= most);
         number.ok_or_else(|| self.no(column, &format!("whole number from 0 to {most}")))
     }
 
-    /// Finite numbers.
+    /// The numbers in `columns`; refuses NaN and infinities.
     pub fn numbers(&self, columns: &[usize]) -> Result<Vec<f64>, FileError> {
         let number = |&c: &usize| self.number(c).filter(|x| x.is_finite()).ok_or_else(|| self.no(c, "finite number"));
         columns.iter().map(number).collect()
     }
 
-    /// Refuses a quaternion that is not of unit length.
+    /// Refuses a quaternion without unit length.
     pub fn unit(&self, columns: &[usize], quaternion: &[f64]) -> Result<(), FileError> {
         let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() <= UNIT {
@@ -164,7 +164,7 @@ impl Row<'_> {
     }
 }
 
-/// The first name that comes a second time.
+/// The first name that is repeated.
 pub(crate) fn twice<T: Copy + Eq + Hash>(names: impl IntoIterator<Item = T>) -> Option<T> {
     let mut seen = HashSet::new();
     names.into_iter().find(|name| !seen.insert(*name))

@@ -1,17 +1,16 @@
-//! The solvers of [`Truth`], from which models learn.
+//! Solvers of [`Truth`]: the simulators that models learn from.
 
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
 pub use crate::system::truth::{RECORDED, Truth};
-use crate::{internal::*, rig::Rig, vary::VarySpec};
+use crate::{internal::*, rig::rigged};
 
 impl Truth {
-    /// The solver itself; wrapped in a motor and sensor model where these differ from robot to robot.
+    /// The solver, wrapped in an actuator and sensor model if the robot's `[vary]` has ranges for it.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
-        let bare = self.bare(system);
-        if system.spec.vary.as_ref().is_some_and(VarySpec::rigged) { Box::new(Rig::new(bare)) } else { bare }
+        rigged(self.bare(system), system)
     }
 
     fn bare(self, system: &System) -> Box<dyn Solver> {
@@ -19,13 +18,9 @@ impl Truth {
             Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::accurate(system))),
             Self::Paper => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
             #[cfg(feature = "rapier")]
-            Self::Rapier => Box::new(Rapier::new(Self::rapier())),
+            Self::Rapier => {
+                Box::new(Rapier::new(RapierConfig { steps: STEPS, iterations: ITERATIONS, own_axes: true, ..Default::default() }))
+            }
         }
-    }
-
-    /// rapier's settings as a truth.
-    #[cfg(feature = "rapier")]
-    pub fn rapier() -> RapierConfig {
-        RapierConfig { steps: STEPS, iterations: ITERATIONS, own_axes: true, ..Default::default() }
     }
 }

@@ -1,5 +1,5 @@
-//! Robots that differ from environment to environment (domain randomisation): masses, friction, gains, gravity and the like, drawn from
-//! the ranges of `[vary]` in a robot's TOML.
+//! Domain randomisation: robots that differ between environments in mass, friction, gains, gravity and other
+//! parameters. Ranges come from `[vary]` in a robot's TOML.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -17,7 +17,8 @@ use crate::internal::*;
 use crate::system::motors::Motors;
 pub use crate::system::vary::VarySpec;
 
-/// A system with numbers drawn from the ranges of its `[vary]` (itself without one), and the drawn numbers, by [`columns`].
+/// A system with parameters drawn from the ranges of its `[vary]`, and the drawn numbers in the order of [`columns`].
+/// Without `[vary]`: the same system, and no numbers.
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
     let varied = varied(system, &mut |what| what.range.draw(rng));
     varied.map_or_else(|| (system.clone(), Vec::new()), |(own, drawn)| (Arc::new(own), drawn))
@@ -33,7 +34,7 @@ pub fn columns(system: &System) -> Vec<String> {
     names
 }
 
-/// A varying number: its quantity, its owner, its range, and its value in the robot's files.
+/// A varying parameter: quantity, link or joint, range, and nominal value from the robot's files.
 struct Drawn<'a> {
     what: &'a str,
     whose: &'a str,
@@ -41,13 +42,13 @@ struct Drawn<'a> {
     nominal: f64,
 }
 
-/// Parameters that a model may be conditioned on: the drawn ones, except ripples, which analytic solvers do not know either, and the delay
-/// of observations.
+/// Parameters that a model may be conditioned on: all drawn numbers except torque ripple, which analytic solvers do not
+/// receive either, and the delay of observations.
 #[derive(Clone, Debug, Default)]
 pub struct Told(Vec<(usize, Range, f64)>);
 
 impl Told {
-    /// For a system's robots.
+    /// The parameters of a system's family of robots.
     pub fn new(system: &System) -> Self {
         let (mut told, mut k) = (Vec::new(), 0);
         varied(system, &mut |Drawn { what, range, nominal, .. }| {
@@ -58,13 +59,12 @@ impl Told {
         Self(told)
     }
 
-    /// How many numbers.
+    /// Number of parameters.
     pub fn count(&self) -> usize {
         self.0.len()
     }
 
-    /// Each number mapped from its range to [-1, 1]. For a robot as its files have it (`drawn` empty) its own values, which may lie
-    /// outside.
+    /// Each parameter, mapped from its range to [-1, 1]. With `drawn` empty the nominal values, which may lie outside.
     pub fn numbers<'a>(&'a self, drawn: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|(k, Range { low, high }, nominal)| {
             let value = drawn.get(*k).unwrap_or(nominal);
@@ -73,7 +73,8 @@ impl Told {
     }
 }
 
-/// A system with the numbers that `take` gives for each range of its `[vary]`, and these numbers; `None` without `[vary]`.
+/// A system with the numbers that `take` returns for each range of its `[vary]`, and these numbers; `None` without
+/// `[vary]`.
 fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(System, Vec<f64>)> {
     let (vary, mut own, mut drawn) = (system.spec.vary.as_ref()?, system.clone(), Vec::new());
     let mut take = |what: &str, whose: &str, range: &Option<Range>, nominal: f64| {
@@ -124,19 +125,20 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         joint.friction += take("dry_friction", &joint.name, &vary.dry_friction, 0.0).unwrap_or(0.0);
         strength.extend(take("strength", &joint.name, &vary.strength, 1.0));
         zeros.extend(take("zero", &joint.name, &vary.zero, 0.0));
-        lines.extend(take("top_speed", &joint.name, &vary.top_speed, f64::INFINITY).map(|top| [spec.most(joint), top]));
+        lines.extend(take("top_speed", &joint.name, &vary.top_speed, f64::INFINITY).map(|top| [spec.torque_limit(joint), top]));
         ripple.extend(take("ripple", &joint.name, &vary.ripple, 0.0));
     }
     *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);
     *noise += take("noise", "", &vary.noise, 0.0).unwrap_or(0.0);
     root_noise[0] += take("root_noise", "", &vary.root_noise, 0.0).unwrap_or(0.0);
-    root_noise[1] += take("turn_noise", "", &vary.turn_noise, 0.0).unwrap_or(0.0);
+    root_noise[1] += take("orientation_noise", "", &vary.orientation_noise, 0.0).unwrap_or(0.0);
     *lag += take("lag", "", &vary.lag, 0.0).unwrap_or(0.0);
     own.drawn.clone_from(&drawn);
     Some((own, drawn))
 }
 
-/// `n` environments in the scene of this name, each with numbers of its own; as many robots as one where there is no `[vary]`.
+/// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without `[vary]`
+/// all share one robot.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {

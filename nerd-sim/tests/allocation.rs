@@ -1,6 +1,7 @@
-//! No allocation inside an analytic solver's step after warm-up: an allocating simulator is slow in ways that no profile of one environment
-//! shows. Only the stepping thread is counted: memory of a thread pool, or of the test harness beside a test, is not the solver's. 64
-//! environments are stepped by one thread.
+//! No allocation inside an analytic solver's step after warm-up.
+//!
+//! A profile of one environment does not show the cost of allocation. Only the stepping thread is counted, so memory of
+//! a thread pool or of the test harness does not count. One thread steps 64 environments.
 
 mod common;
 

@@ -1,4 +1,5 @@
-//! The kernels of the articulated solver against the solver itself, without a GPU: their text is compiled as C++ and run on the CPU.
+//! Kernels of the articulated solver against the solver itself, without a GPU: their text is compiled as C++ for the
+//! CPU.
 
 mod common;
 mod cpp;
@@ -24,8 +25,8 @@ use cpp::{Compiler, bytes, doubles};
 use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, records};
 use nerd_sim::{dataset::begin, drive::holding, range::Range, rig::Rig, vary, vary::VarySpec};
 
-/// Errors of kernels against the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
-/// size, and of all forces, relative to the robot's weight.
+/// Errors of kernels against the solver after some frames. Of each environment's state, the largest |difference| over 1
+/// + |x|. Of all forces, the largest |difference| over the robot's weight + |f|.
 #[derive(Debug)]
 struct Apart {
     states: Vec<f64>,
@@ -41,7 +42,7 @@ impl Apart {
     }
 }
 
-/// A case for both: a batch under constant torques.
+/// A batch under constant torques, for kernels and solver.
 struct Case {
     batch: Batch,
     torques: Vec<f64>,
@@ -88,7 +89,7 @@ impl Case {
     }
 }
 
-/// Random starts of a built-in robot, stepped until most of them touch something; torques of an eighth of the gain.
+/// Random starts of a built-in robot, stepped until most touch something; torques of up to an eighth of the limit.
 fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     let system = if scene == "terrain" { on_rubble(name) } else { built_in(name) };
     let mut batch = batch(&system, scene, 40);
@@ -99,7 +100,7 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     Case { batch, torques, config }
 }
 
-/// A chain on the ground, of links with two hinges each: deep enough that solver and kernels use the tree and check for whips.
+/// A chain of links with two hinges each. Twelve links are deep enough that solver and kernels solve along the tree.
 fn chain(links: usize) -> String {
     let (ball, mut parts) = (collision([0.05, 0.0, 0.0], r#"<sphere radius="0.005"/>"#), vec![base()]);
     for k in 0..links {
@@ -131,7 +132,7 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     let touching = touched.forces.iter().filter(|f| f.norm() > 0.0).count();
     assert!(touching > 10, "{touching} points touch");
     let free = case.apart(&compiler, Real::F64, 1);
-    // A drive that is always at its effort is no whip, and its bound is kept.
+    // A drive that is always at its torque limit is no whip, and the limit holds.
     let drive = Drive { kp: 1e5, kd: 10.0, target: 2.0, effort: 1e-3, ..Drive::default() };
     case.batch.drives = vec![drive; case.batch.len() * joints];
     let driven = case.apart(&compiler, Real::F64, 1);
@@ -139,7 +140,7 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     assert!(driven.states(0) < 1e-7, "driven: {driven:?}");
 }
 
-/// Leads that have fallen across floor and pegs for `frames` frames, each among pegs of its own, with forces of the gripper.
+/// Cables that have fallen across floor and pegs for `frames` frames, each among different pegs, with gripper forces.
 fn leads(frames: usize, substeps: usize) -> Case {
     let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead-pegs.toml")).expect("the lead");
     let config = GenerateConfig { transitions: 60 * frames, frames, ..GenerateConfig::default() };
@@ -173,7 +174,8 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     }
 }
 
-/// One substep is too long for leads that whip: the fast modes are cut; without the cut the motion differs.
+/// Whipping cables need more than one substep: the substep is halved, up to six times. Without halving the motion
+/// differs.
 #[test]
 fn whips_are_cut_as_the_solver_cuts_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -181,17 +183,17 @@ fn whips_are_cut_as_the_solver_cuts_them() {
     let d = case.batch.system.robot.state_dim();
     case.batch.states.iter_mut().enumerate().filter(|(k, _)| k % d >= d / 2 + 6).for_each(|(k, x)| *x += 12.0 * (k as f64).sin());
     let text = case.text(Real::F64);
-    let uncut = changed(&text, "#define HALVINGS 6", "#define HALVINGS 0");
+    let uncut = changed(&text, "#define MAX_HALVINGS 6", "#define MAX_HALVINGS 0");
     let [cut, uncut] = [text, uncut].map(|text| case.apart_by(&compiler, &text, 1).states(0));
     assert!(cut < 1e-6 && uncut > 1e-2, "cut {cut:e}, uncut {uncut:e} apart");
 }
 
-/// Cubes above, beside and within a peg that lies a little: on its top, its side, its edges and its foot.
+/// Cubes above, beside and within a slightly tilted peg: on its top, its side, its edges and its foot.
 #[test]
 fn cubes_meet_a_peg_as_the_solver_has_it() {
     let Some(compiler) = Compiler::find() else { return };
     let toml = "like = \"cube\"\n[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n[[scene]]\nname = \"peg\"\nplane = { height = 0.0, angles = [0.2, 0.1, 0.0] }\n\
-                peg = [{ radius = 0.3, height = 0.5, at = [0.1, 0.2, 0.3] }, { radius = 0.1, height = 0.2, at = [0.5, 0.2, 0.3] }]";
+                peg = [{ radius = 0.3, height = 0.5, position = [0.1, 0.2, 0.3] }, { radius = 0.1, height = 0.2, position = [0.5, 0.2, 0.3] }]";
     let cube = System::texts("cube").expect("built in").1;
     let system = Arc::new(System::from_text("cubes", cube, Some(toml)).expect("cubes"));
     let mut batch = batch(&system, "peg", 200);
@@ -208,7 +210,8 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     assert!(one.states(0) < 1e-9 && one.forces < 1e-7, "{one:?}");
 }
 
-/// Too few springs for a chain: both use the matrix. One spring is soft, one too stiff for its substep; both have a nonzero rest angle.
+/// Too few springs for a chain: both solve with the mass matrix. One spring is soft, one too stiff for its substep;
+/// both have a nonzero rest angle.
 #[test]
 fn springs_pull_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -227,7 +230,7 @@ fn springs_pull_as_the_solver_has_them() {
     }
 }
 
-/// Clapping arms, by the matrix, and a curled-up chain of twelve, along the tree; with and without a plane.
+/// Self-collision: clapping arms, solved with the mass matrix, and a curled-up chain of twelve links, along the tree.
 #[test]
 fn links_on_each_other_move_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -246,7 +249,7 @@ fn links_on_each_other_move_as_the_solver_has_them() {
         let (d, nq, coords) = (robot.state_dim(), robot.nq(), robot.root_coords());
         for (k, x) in batch.states.iter_mut().enumerate().filter(|(k, _)| (coords..nq).contains(&(k % d))) {
             let noise = 0.05 * (k as f64).sin();
-            // Arms turn to each other; of the chain every other hinge curls it.
+            // Arms turn to each other; the chain curls by every other hinge.
             let (first, second) = if floating { (angle, -angle) } else { (angle, 0.0) };
             *x = noise + if (k % d - coords).is_multiple_of(2) { first } else { second };
         }
@@ -299,15 +302,15 @@ fn kernels_move_as_the_solver_does() {
     }
 }
 
-/// Errors of gradients against the solver's, by environment in order: next states, and gradients with respect to states and torques,
-/// relative to the size of their row.
+/// Errors of the kernels' gradients against the solver's, one an environment, sorted. Each is the largest over next
+/// states and gradients by states and torques, relative to the largest entry of a row.
 fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     const ROWS: usize = 2;
     let (batch, robot) = (&case.batch, &case.batch.system.robot);
     let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
     let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
-    goes_back(&case.config, batch).expect("it has slopes on a card");
-    let kernel = format!("slopes(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
+    goes_back(&case.config, batch).expect("it has gradients on a card");
+    let kernel = format!("gradients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
     let launches = format!(
         "for (; blockIdx.y < {ROWS}; blockIdx.y++) for (blockIdx.x = 0; blockIdx.x < {n}; blockIdx.x++) {kernel}
          std::fprintf(stderr, \"%zu bytes of a thread\\n\", sizeof(Work) + sizeof(Explicit) + sizeof(Back));"
@@ -316,9 +319,11 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
     let found = compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
     assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
-    let slopes = Articulated::new(case.config).back(batch, &case.torques, ROWS, &by).expect("slopes");
+    let gradients = Articulated::new(case.config).vjp(batch, &case.torques, ROWS, &by).expect("gradients");
     let mut worst = vec![0.0f64; n];
-    for (found, own, wide) in [(&found[6], &slopes.next, d), (&found[7], &slopes.states, wide), (&found[8], &slopes.torques, joints)] {
+    for (found, own, wide) in
+        [(&found[6], &gradients.next, d), (&found[7], &gradients.states, wide), (&found[8], &gradients.torques, joints)]
+    {
         let found = doubles(found);
         let rows = found.len() / n / wide.max(1);
         for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
@@ -346,14 +351,14 @@ fn kernels_go_back_as_the_solver_does() {
     for fast in [0, 5] {
         cases[fast].batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 2.0);
     }
-    // Drives, some of them at their effort; on the ground, and without anything to touch.
+    // Drives, some of them at their torque limit, on the ground and in the free scene.
     for scene in ["ground", "free"] {
         let mut case = sampled("ant", scene, ArticulatedConfig::accurate(&built_in("ant")));
         let drive = |k: usize| Drive { kp: 50.0, kd: 3.0, target: 0.5 * (k as f64).sin(), speed: 0.1, effort: 8.0 };
         case.batch.drives = (0..case.torques.len()).map(drive).collect();
         cases.push(case);
     }
-    // Joints with friction and springs, one of them too stiff for its substep, without anything to touch.
+    // Joints with friction and springs, one too stiff for its substep, in the free scene.
     let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
         (joint.stiffness, joint.rest, joint.friction) = numbers;
@@ -364,7 +369,7 @@ fn kernels_go_back_as_the_solver_does() {
     for case in cases {
         let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
         let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
-        // In one of them f32 may take the other side of a kink, or suffer from cancellation of far larger gradients.
+        // In one environment f32 may take the other side of a kink, or suffer cancellation of far larger gradients.
         assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }
 }

@@ -1,8 +1,8 @@
-//! `articulated`, preset `paper`, against trajectories of the reference simulator (f32), read from `../shared/reference`
-//! beside the checkout when it is there.
+//! `articulated`, preset `paper`, against trajectories of the reference simulator (f32), read from
+//! `../shared/reference` beside the checkout when it is there.
 //!
-//! Bounds: the reference computes in f32, so single steps differ by about 1e-7 and a hundred steps by 1e-6 to 1e-4
-//! (chaotic near contact); a wrong term shows at 1e-2 and above.
+//! Bounds: the reference computes in f32, so single steps differ by about 1e-7. A hundred steps differ by 1e-6 to 1e-4
+//! (chaotic near contact). A wrong term shows at 1e-2 and above.
 
 mod common;
 
@@ -30,7 +30,7 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
         let tau = if torques.is_empty() { vec![0.0; system.robot.joint_count()] } else { numbers(&torques) };
         last.torques.push(tau);
     }
-    // As anyone reads it, the file is a table of rollouts.
+    // The file can also be read as a table of rollouts.
     #[cfg(feature = "csv")]
     if !system.robot.floating() {
         use nerd_sim::rollout;
@@ -42,8 +42,8 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
     Some(out)
 }
 
-/// Largest |difference| over the coordinates of q (m or rad; an orientation's by its angle) after `steps` frames, by trajectory in the
-/// file's order; from starts with one coordinate nudged, if one is. None without the file.
+/// Largest |difference| over the coordinates of q (m or rad, an orientation by its angle) after `steps` frames, one for
+/// each trajectory of the file. `nudge` shifts one coordinate of all starts. `None` without the file.
 fn drift(file: &str, robot: &str, scene: &str, friction: Friction, steps: usize, nudge: Option<(usize, f64)>) -> Option<Vec<f64>> {
     let system = built_in(robot);
     let mut trajectories = read(file, &system)?;
@@ -114,15 +114,15 @@ fn the_friction_laws_are_told_apart() {
         Some(spread(&format!("1.8.1, {law:?}"), drifts)[0])
     };
     let (Some(huber), Some(coulomb)) = (median(Friction::Huber), median(Friction::Coulomb)) else { return };
-    // Near rest the Huber law's force has a jump that f32 and f64 take at different substeps: 1e-3 is its level.
+    // Near rest the Huber force jumps, in f32 and f64 at different substeps; drifts are then about 1e-3.
     assert!(huber < 1e-3 && coulomb > 10.0 * huber, "Huber {huber:.2e}, Coulomb {coulomb:.2e}");
 }
 
-/// Bounds on the largest drift at step 60 of the robots with three dimensions, each in the version that has its law.
+/// Bounds on the largest drift at step 60 of the robots in three dimensions, each in the version that has its law.
 ///
-/// The damper of a joint limit sets in with a jump. A trajectory that enters or leaves a limit within the reference's f32
-/// noise of a substep's end goes another way from there, in any other arithmetic. Such a one is told by this: a start
-/// 3e-6 m away keeps to the reference. One of the 52 is.
+/// The damper of a joint limit sets in with a jump. A trajectory may enter or leave a limit within the reference's f32
+/// noise of a substep's end. Any other arithmetic then follows another path. In such a case a start 3e-6 m away keeps
+/// to the reference. One trajectory of the 52 is such a case.
 #[test]
 fn robots_in_space_are_reproduced_to_step_60() {
     use Friction::{Coulomb, Huber};

@@ -1,4 +1,5 @@
-//! A step of 64 Ants' episodes: the task alone (nothing moves), and with the analytic solver. `cargo bench -p nerd-tasks`.
+//! Benchmarks of a step of 64 Ant episodes: the task alone (without motion), and with the articulated solver.
+//! `cargo bench -p nerd-tasks`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nerd_sim::prelude::*;
@@ -6,7 +7,7 @@ use nerd_tasks::{Episodes, named};
 
 const N: usize = 64;
 
-/// Moves nothing.
+/// A solver without motion.
 struct Still;
 
 impl Solver for Still {

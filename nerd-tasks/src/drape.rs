@@ -1,20 +1,21 @@
-//! A cable at rest, as a start: it hangs from a gripper that points along x, and its other part lies straight on a floor.
+//! Start state of a cable at rest: it hangs from a gripper that points along x, and the rest lies straight on a floor.
 //!
-//! With l the length that lies and a the tension at the floor over the weight of a metre, the hanging part is a catenary,
-//! `tan(slope) = (s - l) / a` at arc length s from the free end. The gripper's clamp bends it away from the clamp's direction
-//! within [`STEM`]. l is such that the free end lies on the floor.
+//! The hanging part is a catenary, `tan(slope) = (s - l) / a` at arc length s from the free end. l is the lying length,
+//! a the tension at the floor over the weight per metre. Within [`STEM`] of the gripper the cable bends away from the
+//! clamp's direction. l is chosen so that the free end lies on the floor.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// a (m): half of the largest friction force on the lying fifth of the lead (friction 0.5), over the weight of a metre.
+/// a (m): half of the largest friction force on the lying fifth of the lead (friction 0.5), over the weight per metre.
 const PULL: f64 = 0.05;
-/// Decay length (m) of the clamp's direction along the cable (a share of 1 - 1/e): for the lead `sqrt(E I / T)` under its own weight T.
+/// Decay length (m) of the clamp's direction along the cable: for the lead `sqrt(E I / T)` under its weight T.
 const STEM: f64 = 0.04;
-/// Halvings that find l to a billionth of the cable.
+/// Bisections for l, to a billionth of the cable.
 const HALVINGS: usize = 30;
 
-/// Directions (unit length) of `rods` rods of length `rod` (m), from a gripper `height` (m) above the floor on which the free end lies in
-/// direction `heading` (rad, from x). A cable that cannot reach the floor hangs from end to end.
+/// Directions `[rod]` (unit length) of `rods` rods of length `rod` (m), from a gripper `height` (m) above the floor.
+/// The free end lies in direction `heading` (rad, from x). A cable too short for the floor hangs along its whole
+/// length.
 pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f64>> {
     let along = |lying: f64| -> Vec<Vector3<f64>> {
         let direction = |k: usize| {
@@ -30,13 +31,13 @@ pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f6
     let (mut low, mut high) = (0.0, rods as f64 * rod);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        // The lying part does not hang.
+        // Too large a drop: more of the cable must lie.
         if drop(&along(middle)) > height { low = middle } else { high = middle }
     }
     along(low)
 }
 
-/// Angles (rad) of the two hinges of each rod, about z and then y, that give rods these directions after a gripper at home.
+/// Hinge angles (rad, about z then y), `[rod][2]`, that give rods these directions behind a gripper at home.
 pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
     let mut axes = Matrix3::identity();
     let mut angles = Vec::with_capacity(2 * along.len());

@@ -1,7 +1,8 @@
-//! A batch of episodes of one task on any solver.
+//! Batches of episodes of one task on any solver.
 //!
-//! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a ChaCha8 stream of
-//! its own, keyed by (seed, environment, episode), so results depend on neither threads nor other environments.
+//! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from
+//! its ChaCha8 stream, keyed by (seed, environment, episode), so results depend on neither threads nor other
+//! environments.
 
 mod begin;
 
@@ -11,19 +12,19 @@ use rayon::prelude::*;
 
 use crate::snapshot::{MOVED, Past};
 use crate::step::{CHUNK, StepResult, episode, rows, view};
-use crate::{Snapshot, Task, Trace, View, Work};
+use crate::{Compiled, Snapshot, Task, Trace, View, Work};
 
-/// A coordinate beyond this (m, rad, or their rates) counts as a failure of the episode.
+/// A coordinate (m, rad) or velocity (m/s, rad/s) beyond this is a failure and ends the episode.
 const FAR: f64 = 1e5;
 
-/// Episodes of one task in every environment of a simulation; ended ones restart at once.
+/// Episodes of one task in every environment of a simulation. Ended ones restart at once.
 pub struct Episodes {
-    /// The task.
-    pub task: Box<dyn Task>,
-    /// The simulation; its solver may be any.
+    /// The task, recorded for the simulation's robot.
+    pub task: Compiled,
+    /// The simulation, with any solver.
     pub simulation: Simulation,
     seed: u64,
-    /// Number of its first environment.
+    /// Index of the first environment within a larger set.
     first: usize,
     begun: Vec<u64>,
     goals: Vec<f64>,
@@ -32,27 +33,28 @@ pub struct Episodes {
     observations: Vec<f64>,
     past: Past,
     trace: Option<Trace>,
-    /// Whether episodes go up and down in levels.
+    /// Whether the terrain's level changes between episodes.
     climbs: bool,
     /// Reason of the first solver failure that ended an episode.
     pub fault: Option<String>,
 }
 
 impl Episodes {
-    /// Begins an episode in every environment.
+    /// Starts an episode in every environment.
     ///
     /// # Panics
-    /// If the simulation is of another robot than the task's.
+    /// If the simulation has another robot than the task.
     pub fn new(task: Box<dyn Task>, simulation: Simulation, seed: u64) -> Self {
         Self::part(task, simulation, seed, 0)
     }
 
-    /// Environments from `first` on of a larger set: their episodes are the same as within that set.
+    /// Environments from `first` on of a larger set, with the same episodes as within that set.
     ///
     /// # Panics
     /// As [`Episodes::new`].
     pub fn part(task: Box<dyn Task>, simulation: Simulation, seed: u64, first: usize) -> Self {
         let (n, system) = (simulation.batch.len(), simulation.batch.system.clone());
+        let task = Compiled::new(task, &system);
         let mut episodes = Self {
             seed,
             first,
@@ -76,43 +78,43 @@ impl Episodes {
         episodes
     }
 
-    /// Keeps the last `frames` frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field; 0
-    /// for an analytic solver).
+    /// Keeps the last `frames` frames for [`Self::snapshot`]: as many as the solver's next step depends on (the
+    /// receptive field of a network; 0 for an analytic solver).
     pub fn remember(&mut self, frames: usize) {
         self.past.most = frames.max(Past::for_lag(&self.simulation.batch.system).most);
     }
 
-    /// Records all frames from here on; returns the frames recorded so far.
+    /// Starts recording all frames; returns the frames recorded so far.
     pub fn trace(&mut self) -> Trace {
         self.trace.replace(Trace::default()).unwrap_or_default()
     }
 
-    /// Its seed, and the number of its first environment: with [`Snapshot::begun`] they determine the next draws.
+    /// Seed, and index of the first environment. With [`Snapshot::begun`] they determine the next draws.
     pub fn draws(&self) -> (u64, usize) {
         (self.seed, self.first)
     }
 
-    /// Frames that are kept, see [`Self::remember`].
+    /// Number of frames kept, see [`Self::remember`].
     pub fn remembered(&self) -> usize {
         self.past.most
     }
 
-    /// Environments.
+    /// Number of environments.
     pub fn len(&self) -> usize {
         self.begun.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no environments.
     pub fn is_empty(&self) -> bool {
         self.begun.is_empty()
     }
 
-    /// Observations `[env][observation_dim]` of the present states, fresh also after a reset.
+    /// Observations `[env][observation_dim]` of the present states. After a reset they show the start state.
     pub fn observations(&self) -> &[f64] {
         &self.observations
     }
 
-    /// One environment as its task sees it.
+    /// The task's view of one environment.
     pub fn view(&self, env: usize) -> View<'_> {
         view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env)
     }
@@ -120,15 +122,15 @@ impl Episodes {
     /// One step under `actions` (`[env][action_dim]`).
     ///
     /// # Errors
-    /// If there is another number of actions, the solver as a whole fails, or the task has a size of 0 or gives an observation or a
-    /// reward that is not finite.
+    /// If the number of actions is wrong, the solver as a whole fails, or the task has a size of 0. Also if an
+    /// observation or reward is not finite.
     pub fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
         let (n, width) = (self.len(), self.task.action_dim());
         if actions.len() != n * width {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
-        self.task.about().check().map_err(|e| StepError::Solver(format!("task `{}`: {e}", self.task.name())))?;
-        // Also the initial observations, from which the actions come.
+        self.task.check().map_err(StepError::Solver)?;
+        // The actions come from these observations, so check them too.
         self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
         for _ in 0..self.task.frames() {
@@ -162,7 +164,7 @@ impl Episodes {
         Ok(result)
     }
 
-    /// Everything that later steps depend on.
+    /// The state of all episodes: everything that later steps depend on.
     pub fn snapshot(&self) -> Snapshot {
         let batch = &self.simulation.batch;
         let (states, frames) = (batch.states.clone(), batch.frames.clone());
@@ -174,7 +176,7 @@ impl Episodes {
     /// Continues from a snapshot of as many environments of the same task.
     ///
     /// # Errors
-    /// If its sizes differ, or the solver cannot be stepped through its frames again.
+    /// If sizes differ, or the solver fails while it replays the snapshot's frames.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
         let batch = &mut self.simulation.batch;
         let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
@@ -194,7 +196,7 @@ impl Episodes {
         Ok(())
     }
 
-    /// Refuses numbers of the task (`[env][width]`) that are not finite.
+    /// Refuses results of the task (`[env][width]`) that are not finite.
     fn finite(&self, method: &str, numbers: &[f64]) -> Result<(), StepError> {
         let Some(at) = numbers.par_iter().with_min_len(MOVED).position_first(|x| !x.is_finite()) else { return Ok(()) };
         let (width, task) = (numbers.len() / self.len(), self.task.name());
@@ -206,14 +208,14 @@ impl Episodes {
     }
 
     pub(crate) fn done(&mut self, actions: &[f64]) {
-        let (task, width) = (&*self.task, self.task.action_dim());
+        let (task, width) = (&self.task, self.task.action_dim());
         if task.memory() > 0 {
             let goals = self.goals.chunks_exact_mut(task.goal_dim()).zip(actions.chunks_exact(width));
             goals.for_each(|(goal, action)| task.remember(goal, action));
         }
     }
 
-    /// Pushes the robots of a family that has pushes.
+    /// Applies random pushes to the robots of a family that has them.
     fn push(&mut self) {
         let Self { simulation: Simulation { batch, .. }, seed, first, begun, .. } = self;
         if batch.systems.is_empty() || !batch.system.pushed() {
@@ -228,7 +230,7 @@ impl Episodes {
     pub(crate) fn act(&mut self, actions: &[f64]) -> &[f64] {
         let servo = self.task.controlled() && self.simulation.serve();
         self.works.iter_mut().for_each(|work| work.controller.servo = servo);
-        let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
+        let (task, batch, goals) = (&self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
         rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
             work.controller.turn_to(batch.of(env));
@@ -237,8 +239,8 @@ impl Episodes {
         &self.torques
     }
 
-    /// One frame. An environment that cannot be stepped is marked and restarted; the others have been stepped. One that fails in
-    /// the first frame of an episode is an error.
+    /// Steps one frame. An environment that cannot be stepped is marked in `failed` and restarted; the others are
+    /// stepped. Failure in the first frame of an episode is an error.
     pub(crate) fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
         if let Some(trace) = &mut self.trace {
@@ -251,7 +253,7 @@ impl Episodes {
         self.goals.chunks_exact_mut(width.max(1)).for_each(|goal| self.task.advance(goal));
         if let Err(error) = stepped {
             for fault in error.faults()? {
-                // A start that cannot be stepped would restart for ever.
+                // Restarting such a start state would loop for ever.
                 if fault.frame == 0 && !failed[fault.env] {
                     return Err(StepError::Environments(vec![fault]));
                 }
@@ -263,9 +265,9 @@ impl Episodes {
         Ok(())
     }
 
-    /// Rewards and endings of the states reached.
+    /// Rewards, errors and ends at the states reached.
     fn judge(&mut self, failed: &[bool], result: &mut StepResult) {
-        let (task, batch, goals, torques) = (&*self.task, &self.simulation.batch, &*self.goals, &*self.torques);
+        let (task, batch, goals, torques) = (&self.task, &self.simulation.batch, &*self.goals, &*self.torques);
         let joints = batch.system.robot.joint_count();
         let length = task.episode_length() * task.frames();
         let chunks = self.works.par_iter_mut().enumerate().map(|(chunk, work)| {
@@ -277,20 +279,20 @@ impl Episodes {
                 let view = view(batch, goals, task.goal_dim(), env);
                 let terminated = task.terminated(view, work);
                 let rewards = task.rewards(view, &torques[env * joints..(env + 1) * joints], work);
-                (rewards, terminated, !terminated && batch.frames[env] >= length, task.miss(view, work))
+                (rewards, terminated, !terminated && batch.frames[env] >= length, task.error(view, work))
             });
             judged.collect::<Vec<_>>()
         });
-        for (rewards, terminated, truncated, miss) in chunks.collect::<Vec<_>>().into_iter().flatten() {
+        for (rewards, terminated, truncated, error) in chunks.collect::<Vec<_>>().into_iter().flatten() {
             result.rewards.push(rewards[0]);
             result.terms.extend(&rewards[1..]);
             result.terminated.push(terminated);
             result.truncated.push(truncated);
-            result.misses.push(miss);
+            result.errors.push(error);
         }
     }
 
-    /// Observes some environments, through their sensors.
+    /// Writes the observations of some environments, through their sensors.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let Self { task, simulation: Simulation { batch, .. }, goals, observations, works, past, seed, first, begun, .. } = self;
         let sensed = !batch.systems.is_empty() && batch.system.sensed();
@@ -298,7 +300,6 @@ impl Episodes {
             if !some(env) {
                 return;
             }
-            row.fill(f64::NAN); // What a task leaves out is found.
             let now = view(batch, goals, task.goal_dim(), env);
             if !sensed {
                 return task.observe(now, work, row);

@@ -1,4 +1,4 @@
-//! Errors of naming and reading a task.
+//! Errors of finding and reading a task.
 
 use nerd_sim::system::SystemError;
 
@@ -6,16 +6,16 @@ use nerd_sim::system::SystemError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TaskError {
-    /// Neither a built-in task (the second field lists them) nor a file has this name.
+    /// No built-in task and no file has this name; the second field lists the built-in ones.
     #[error("no task `{0}`: choose from {1}, or the path of a task's .toml")]
     Unknown(String, String),
-    /// A built-in task for the second robot; the third lists tasks for any robot.
+    /// A built-in task for the robot in the second field; the third lists tasks for any robot.
     #[error("task `{0}` is for `{1}`: those for any robot are {2}")]
     Other(String, &'static str, String),
-    /// A file that could not be read, or whose text is wrong.
+    /// A file that cannot be read, or with invalid text.
     #[error("task `{0}`: {1}")]
     File(String, String),
-    /// An error of its robot.
+    /// An error of the task's robot.
     #[error(transparent)]
     Robot(#[from] SystemError),
 }

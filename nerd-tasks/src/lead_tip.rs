@@ -1,23 +1,26 @@
-//! A gripper draws a lead's free end, the tip, across a floor, after a target that moves along a winding line. World up is +z; m, rad, s.
+//! A gripper drags a lead's free end, the tip, across a floor after a target on a winding line. World up is +z; m, rad,
+//! s.
 //!
-//! The target starts from rest and moves at v along a line that winds about a heading psi towards the gripper: with s the distance gone,
+//! The target accelerates from rest to v along a line that winds about a heading psi towards the gripper. With s the
+//! distance covered:
 //!
 //! ```text
 //! s(t) = v (t - T (1 - exp(-t / T))),   w(s) = m L / (2 pi) (sin(2 pi s / L + p) - sin p),   T = 0.3
 //! R = 0.7 exp(-(d / 0.04)^2) + 0.3 exp(-d / 0.2) - 0.02 |v_gripper|^2
 //! ```
 //!
-//! where w is its offset to the left, m the steepest slope of its windings, L their length, and d the distance of tip and target. A lead
-//! can be drawn but not pushed, so the target never turns back, and begins ahead of the tip. The policy chooses how much of the lead lies
-//! on the floor: the higher the gripper, the more closely the tip follows.
+//! w is the offset to the left, m the steepest slope of the windings, L their length. d is the distance from tip to
+//! target. A lead can be pulled but not pushed, so the target never turns back, and starts ahead of the tip. The policy
+//! chooses how much of the lead lies on the floor: the higher the gripper, the more closely the tip follows.
 //!
-//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. In each frame the spring targets are set far
-//! enough ahead to give this velocity, within [`BOX`]. Heights, speeds and the gripper's direction match the cable's training data; a
-//! learned cable does not see its position on the floor.
+//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. In each frame the spring
+//! targets are set far enough ahead for this velocity, within [`BOX`]. Heights, speeds and the gripper's direction
+//! match the cable's training data; a learned cable does not see its position on the floor.
 //!
-//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its
-//! displacement in the next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead,
-//! the tip the last, each with its velocity, from the gripper (48). Never terminated; truncated after 100 steps of 3 frames of 1/60 s.
+//! Observation: 71 numbers in world axes. Tip relative to target, position and velocity (6); gripper relative to
+//! target, gripper relative to home, its velocity (9); eight points along the lead relative to the gripper, the tip
+//! last, position and velocity (48); the target's velocity, and its displacement in the next 1/4, 1/2 and 1 s (8).
+//! Never terminated; truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::Vector2;
 use nerd_core::{dynamics::velocities, velocity::root_position};
@@ -25,44 +28,50 @@ use nerd_sim::prelude::*;
 use rand_chacha::ChaCha8Rng;
 
 use crate::drape::{drape, hinges};
-use crate::{About, Task, View, Work};
+use crate::formula::{Number, Sight, Traced};
+use crate::{About, Plain, Task, View, Work};
 
-/// The task; it has no settings.
+/// The task. It has no settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeadTip;
 
-/// Rods of the lead, and slides and hinges in front of them.
+/// Number of rods, and of the gripper's axes before them.
 const RODS: usize = 40;
 const AXES: usize = 6;
-/// Observed points along the lead.
+/// Number of observed points along the lead.
 const SEEN: usize = 8;
-/// Seconds of a frame.
+/// Index of the gripper's position and velocity in the observation; they are coordinates of the state.
+const GRIPPER: usize = 9;
+/// Frame time (s).
 const FRAME: f64 = 1.0 / 60.0;
-/// Frames ahead at which a policy sees where the target will be.
+/// Frames of target preview in the observation.
 const AHEAD: [u64; 3] = [15, 30, 60];
-/// Velocity of the gripper at an action of 1 (m/s). In the data it goes through 0.3 m and more in 0.3 to 1.5 s.
+/// Gripper velocity (m/s) at an action of 1. In the training data it covers 0.3 m and more in 0.3 to 1.5 s.
 const FASTEST: f64 = 0.4;
-/// Bounds of the gripper, from home (m). The data exceeds the height in one frame of twenty; the sides fit the longest line.
+/// Bounds of the gripper's position relative to home (m). The training data exceeds the height in one frame of twenty;
+/// the sides fit the longest line.
 const BOX: [Range; 3] = [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
-/// Distance (m) from the target within which an episode succeeds.
+/// Tolerance: distance (m) between tip and target.
 const NEAR: f64 = 0.02;
 
-/// Initial position of the tip (m, from the foot of home), and its range about that, along x and y.
+/// Initial position of the tip (m, relative to the point below home), and the range around it, along x and y.
 const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
 const BESIDE: Range = Range { low: -0.03, high: 0.03 };
-/// Initial height of the gripper (m), and the lead's heading (rad, from x) as seen from there.
+/// Initial height of the gripper (m), and heading of the lead (rad, from x) seen from it.
 const HEIGHT: Range = Range { low: 0.6, high: 0.7 };
 const HEADING: Range = Range { low: -0.3, high: 0.3 };
-/// How far the target begins ahead of [`TIP`] (m).
+/// Height (m) of the tip's centre when it lies on the floor.
+const LYING: f64 = 0.004;
+/// Distance (m) of the target's start ahead of [`TIP`].
 const LEAD: Range = Range { low: 0.0, high: 0.08 };
-/// v (m/s), m and L (m) of its line.
+/// v (m/s), m and L (m) of the line.
 const SPEED: Range = Range { low: 0.06, high: 0.12 };
 const SLOPE: Range = Range { low: 0.3, high: 1.0 };
 const LENGTH: Range = Range { low: 0.25, high: 0.5 };
-/// T: time (s) of acceleration.
+/// T: time constant (s) of acceleration.
 const RISE: f64 = 0.3;
 
-/// Numbers of a goal: where the target is now, and the frames that it has gone; where it began, v, psi, m, L and p.
+/// Numbers of a goal: present target (3), frames elapsed; start of the target (2), v, psi, m, L and p.
 const GOAL: usize = 11;
 
 /// Position of a goal's target after `frames` frames.
@@ -77,13 +86,13 @@ fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
     Vector2::new(x, y) + ahead * way + Vector2::new(-ahead.y, ahead.x) * off
 }
 
-/// The lead as a task sees it.
+/// Gripper and lead in one state.
 struct Seen {
-    /// Place and velocity of the gripper, from home.
+    /// Position relative to home (m) and velocity (m/s) of the gripper.
     gripper: [Vector3<f64>; 2],
-    /// Home (world).
+    /// World position of home (m).
     home: Vector3<f64>,
-    /// Places (world) and velocities of points along the lead; the last is the tip.
+    /// World positions and velocities of points along the lead; the last is the tip.
     points: [[Vector3<f64>; 2]; SEEN],
 }
 
@@ -101,7 +110,7 @@ impl Seen {
         Self { gripper: [vector(state), vector(&state[robot.nq()..])], home: root_position(&work.system.robot, state), points }
     }
 
-    /// Place and velocity of the tip.
+    /// Position and velocity of the tip.
     fn tip(&self) -> [Vector3<f64>; 2] {
         self.points[SEEN - 1]
     }
@@ -112,6 +121,50 @@ impl Task for LeadTip {
         About { name: "lead-tip", robot: "lead-pegs", scene: "plane", observation: 23 + 6 * SEEN, action: 3, steps: 100, frames: 3 }
     }
 
+    fn plain(&self) -> Option<&dyn Plain> {
+        Some(self)
+    }
+
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
+        out.iter_mut().enumerate().for_each(|(k, out)| *out = sight.plain(k));
+        for k in 0..3 {
+            (out[GRIPPER + k], out[GRIPPER + 3 + k]) = (sight.q(k), sight.qd(k));
+        }
+        // The target's height is constant.
+        let robot = &sight.system().robot;
+        out[GRIPPER - 1] = root_position(robot, &robot.zero_state()).z + sight.q(2) - LYING;
+    }
+
+    fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+        for (k, joint) in sight.system().robot.joints().enumerate().take(3) {
+            // A critically damped spring (frequency w) moves at this velocity if every frame sets its target this far
+            // ahead.
+            let w = (joint.stiffness / joint.armature).sqrt();
+            let ahead = FASTEST * action[k] * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
+            torques[k] = joint.stiffness * (sight.q(k) + ahead).max(BOX[k].low.into()).min(BOX[k].high.into());
+        }
+    }
+
+    fn reward<'a>(&self, sight: &Sight<'a>, _: &[Traced<'a>]) -> Traced<'a> {
+        let (d, speed) = (distance(sight), squares([0, 1, 2].map(|k| sight.qd(k))));
+        0.7 * (-(d / 0.04).squared()).exp() + 0.3 * (-d / 0.2).exp() - 0.02 * speed
+    }
+
+    fn error<'a>(&self, sight: &Sight<'a>) -> Option<Traced<'a>> {
+        Some(distance(sight) / NEAR)
+    }
+}
+
+/// Distance (m) from tip to target.
+fn distance<'a>(sight: &Sight<'a>) -> Traced<'a> {
+    squares([0, 1, 2].map(|k| sight.plain(k))).sqrt()
+}
+
+fn squares([x, y, z]: [Traced; 3]) -> Traced {
+    x.squared() + y.squared() + z.squared()
+}
+
+impl Plain for LeadTip {
     fn goal_dim(&self) -> usize {
         GOAL
     }
@@ -122,8 +175,7 @@ impl Task for LeadTip {
             [LEAD, BESIDE, SPEED, HEADING, SLOPE, LENGTH, phase].map(|range| range.draw(rng));
         out[4..].copy_from_slice(&[TIP.x - ahead, TIP.y + beside, speed, heading, slope, length, phase]);
         let at = place(out, 0.0);
-        // The tip's middle, as it lies.
-        out[..4].copy_from_slice(&[at.x, at.y, 0.004, 0.0]);
+        out[..4].copy_from_slice(&[at.x, at.y, LYING, 0.0]);
     }
 
     fn advance(&self, goal: &mut [f64]) {
@@ -145,7 +197,12 @@ impl Task for LeadTip {
         state
     }
 
-    fn observe(&self, view: View, work: &mut Work, out: &mut [f64]) {
+    fn numbers_dim(&self) -> usize {
+        self.observation_dim()
+    }
+
+    /// The observation.
+    fn numbers(&self, view: View, work: &mut Work, out: &mut [f64]) {
         let (seen, goal) = (Seen::of(view.state, work), view.goal);
         let now = place(goal, goal[3]);
         let ahead = |frames: u64| place(goal, goal[3] + frames as f64) - now;
@@ -157,25 +214,5 @@ impl Task for LeadTip {
         let spatial = own.into_iter().chain(points).flat_map(|v| [v.x, v.y, v.z]);
         let level = std::iter::once(heading).chain(AHEAD.map(ahead)).flat_map(|v| [v.x, v.y]);
         out.iter_mut().zip(spatial.chain(level)).for_each(|(out, x)| *out = x);
-    }
-
-    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
-        torques.fill(0.0);
-        for (k, joint) in work.system.robot.joints().enumerate().take(3) {
-            // A critically damped spring of frequency w moves at that speed if its target is set this far ahead in every frame.
-            let w = (joint.stiffness / joint.armature).sqrt();
-            let ahead = FASTEST * action[k].clamp(-1.0, 1.0) * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
-            torques[k] = joint.stiffness * (view.state[k] + ahead).clamp(BOX[k].low, BOX[k].high);
-        }
-    }
-
-    fn reward(&self, view: View, _torques: &[f64], work: &mut Work) -> f64 {
-        let seen = Seen::of(view.state, work);
-        let d = (seen.tip()[0] - vector(view.goal)).norm();
-        0.7 * (-(d / 0.04).powi(2)).exp() + 0.3 * (-d / 0.2).exp() - 0.02 * seen.gripper[1].norm_squared()
-    }
-
-    fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
-        Some((Seen::of(view.state, work).tip()[0] - vector(view.goal)).norm() / NEAR)
     }
 }

@@ -14,11 +14,12 @@ mod task;
 pub use episodes::Episodes;
 pub use error::TaskError;
 pub use file::FileTask;
+pub use formula::Compiled;
 pub use lead_tip::LeadTip;
 pub use registry::{general, named, names, parts, word};
 pub use snapshot::{Snapshot, Trace};
 pub use step::StepResult;
-pub use task::{About, Slopes, Task, View, Work, fast_start};
+pub use task::{About, Plain, Task, View, Work, fast_start};
 
 pub use nerd_sim;
 pub use rand;

@@ -1,4 +1,4 @@
-//! Tasks by name, and from files.
+//! Tasks by name or file.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use nerd_sim::files::read_text;
 
 use crate::{FileTask, LeadTip, Task, TaskError};
 
-/// Files of tasks with a robot; the paper's in the order of its table, then others.
+/// Files of tasks with a robot: first the paper's in the order of its table.
 const OWN: [(&str, &str); 9] = [
     ("cartpole-swingup", include_str!("../assets/cartpole-swingup.toml")),
     ("franka-reach", include_str!("../assets/franka-reach.toml")),
@@ -27,26 +27,27 @@ const GENERAL: [(&str, &str); 4] = [
     ("reach", include_str!("../assets/reach.toml")),
 ];
 
-/// Names of all tasks that have a robot.
+/// Names of all built-in tasks with a robot.
 pub fn names() -> Vec<&'static str> {
     let mut all: Vec<_> = OWN.iter().map(|(name, _)| *name).collect();
     all.insert(8, LeadTip.name());
     all
 }
 
-/// Names of tasks for any robot: `walk@go2.urdf` is one of them for one.
+/// Names of tasks for any robot; `walk@go2.urdf` applies one to a robot.
 pub fn general() -> Vec<&'static str> {
     GENERAL.iter().map(|(name, _)| *name).collect()
 }
 
-/// A task's name as part of a folder's name: `walk-go2` for `walk@robots/go2.urdf`.
+/// A task's name as part of a folder name: `walk-go2` for `walk@robots/go2.urdf`.
 pub fn word(name: &str) -> String {
     let stem = |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let (task, robot) = parts(name);
     [task].into_iter().chain(robot).map(stem).collect::<Vec<_>>().join("-")
 }
 
-/// A task's own name or path and its robot's, of `walk@go2.urdf`. Either path may have another `@`.
+/// Splits a name such as `walk@go2.urdf` into the task's name or path and the robot's. Either path may contain another
+/// `@`.
 pub fn parts(name: &str) -> (&str, Option<&str>) {
     let known = |task: &str| task.ends_with(".toml") || general().contains(&task) || names().contains(&task);
     let mut all = name.match_indices('@').map(|(at, _)| (&name[..at], Some(&name[at + 1..])));
@@ -54,11 +55,11 @@ pub fn parts(name: &str) -> (&str, Option<&str>) {
     all.find(|(task, _)| known(task)).or(first).unwrap_or((name, None))
 }
 
-/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot, unless the task is built in for
-/// another. Its own name is the name given here.
+/// A task by name, or by the path of its file (.toml). `TASK@ROBOT` applies it to a robot, unless the task is built in
+/// for another. The given name becomes the task's name.
 ///
 /// # Errors
-/// If there is no such task, or its file or its robot is wrong.
+/// If there is no such task, or its file or its robot is invalid.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
     let (task, robot) = parts(name);
     if let Some((_, text)) = GENERAL.iter().find(|(own, _)| *own == task) {
@@ -74,7 +75,7 @@ pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
             None => Ok(own),
         };
     }
-    // A cable's file ends as a task's does: `wlk@lead.toml` may be either.
+    // A cable's file also ends in .toml: `wlk@lead.toml` may be either.
     let unknown = match task.split_once('@') {
         Some((own, _)) if !Path::new(task).exists() => Some(format!("{own}` and no file `{task}")),
         _ => Path::new(task).extension().is_none_or(|ending| ending != "toml").then(|| task.into()),

@@ -1,7 +1,7 @@
-//! The saved state of running episodes, with which they continue exactly, on any solver; and the record of their frames.
+//! Snapshots of running episodes, which continue exactly from them on any solver; and the record of frames.
 //!
-//! An analytic solver needs the states only. A learned one's memory is a function of the last frames, so these are saved and
-//! [`Past::replay`] steps the solver through them again.
+//! An analytic solver needs only the states. A learned solver's memory depends on the last frames. So these are saved
+//! too, and [`Past::replay`] steps the solver through them again.
 
 use std::collections::VecDeque;
 
@@ -9,7 +9,7 @@ use nerd_sim::solver::{Simulation, StepError};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
-/// Least numbers that one thread copies: for thousands of environments a step moves megabytes.
+/// Fewest numbers per thread in a copy; a step of thousands of environments moves megabytes.
 pub(crate) const MOVED: usize = 1 << 14;
 
 /// Everything in [`crate::Episodes`] that later steps depend on; row-major over n environments.
@@ -29,14 +29,14 @@ pub struct Snapshot {
     pub past_torques: Vec<f64>,
 }
 
-/// Consecutive frames.
+/// A record of consecutive frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
     /// States before each frame, `[frame][env][q, qd]`.
     pub states: Vec<f64>,
-    /// Goals in it, `[frame][env][goal_dim]`.
+    /// Goals in each frame, `[frame][env][goal_dim]`.
     pub goals: Vec<f64>,
-    /// Torques held over it, `[frame][env][joint]`.
+    /// Torques over each frame, `[frame][env][joint]`.
     pub torques: Vec<f64>,
     /// States after each step, before ended episodes restarted, `[step][env][q, qd]`; NaN where the solver failed.
     pub reached: Vec<f64>,
@@ -50,7 +50,7 @@ pub(crate) struct Past {
 }
 
 impl Past {
-    /// As many frames as the largest delay of a system's observations.
+    /// Keeps as many frames as the largest delay of observations.
     pub(crate) fn for_lag(system: &System) -> Self {
         let lag = system.spec.vary.as_ref().and_then(|vary| vary.lag);
         Self { most: lag.map_or(0, |lag| lag.high.round() as usize), ..Self::default() }
@@ -62,7 +62,7 @@ impl Past {
         Some(&states[env * width..(env + 1) * width])
     }
 
-    /// Stores the states and torques of the frame to be stepped.
+    /// Stores states and torques of the next frame.
     pub(crate) fn push(&mut self, states: &[f64], torques: &[f64]) {
         if self.most == 0 {
             return;
@@ -87,16 +87,16 @@ impl Past {
         frames.for_each(|(s, t)| self.frames.push_back((s.to_vec(), t.to_vec())));
     }
 
-    /// Steps the solver through the stored frames; the last one ends in `simulation`'s state.
+    /// Steps the solver through the stored frames, then restores the simulation's states.
     pub(crate) fn replay(&self, simulation: &mut Simulation) -> Result<(), StepError> {
         let (states, frames) = (simulation.batch.states.clone(), simulation.batch.frames.clone());
         for (k, (before, torques)) in self.frames.iter().enumerate() {
             let ago = (self.frames.len() - k) as u64;
             simulation.batch.states.copy_from_slice(before);
-            // Frames of an earlier episode are stepped, too; the first of the present one makes the solver forget them.
+            // Frames of an earlier episode are stepped too; frame 0 of the present one clears the solver's memory.
             let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
             simulation.batch.frames = frames.iter().map(count).collect();
-            // What failed then fails now, and was restarted after it.
+            // Environments that failed then fail again, and were restarted afterwards.
             if let Err(error) = simulation.step(torques) {
                 error.faults()?;
             }

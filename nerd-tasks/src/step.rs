@@ -1,4 +1,4 @@
-//! Results of a step of many environments, and loops over environments on all threads.
+//! Results of a step of many environments, and parallel loops over environments.
 
 use nerd_sim::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -6,34 +6,35 @@ use rayon::prelude::*;
 
 use crate::{View, Work};
 
-/// Environments that one thread handles in a row.
+/// Environments per thread and chunk.
 pub(crate) const CHUNK: usize = 32;
 
-/// Results of a step, by environment.
+/// Results of a step, per environment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepResult {
     /// Rewards.
     pub rewards: Vec<f64>,
     /// Terms of the rewards, `[env][`[`crate::Task::terms`]`]`; 0 where the solver failed.
     pub terms: Vec<f64>,
-    /// Episodes that ended in a terminal state.
+    /// Whether the episode terminated, `[env]`.
     pub terminated: Vec<bool>,
-    /// Episodes that ran out of time. Their last state still has a value: see `reached`.
+    /// Whether the episode was truncated at its length, `[env]`. The final state still has a value, see `reached`.
     pub truncated: Vec<bool>,
     /// Observations `[env][observation_dim]` of the states reached, before ended episodes restarted.
     pub reached: Vec<f64>,
-    /// [`crate::Task::miss`] of the states reached; `None` where the solver failed.
-    pub misses: Vec<Option<f64>>,
-    /// Episodes in which the solver failed (a state not finite, or beyond 1e5): terminated, with reward 0.
+    /// [`crate::Task::error`] of the states reached; `None` where the solver failed.
+    pub errors: Vec<Option<f64>>,
+    /// Whether the solver failed (a state not finite, or beyond 1e5), `[env]`: terminated, with reward 0.
     pub failed: Vec<bool>,
 }
 
-/// Random stream of an environment's present episode, by the environment's number among all and the episodes begun in it.
+/// Random stream of an environment's present episode. `env` is its index in the whole set, `begun` the number of
+/// episodes begun in it.
 pub(crate) fn episode(seed: u64, env: usize, begun: u64) -> ChaCha8Rng {
     stream(seed, (env as u64) << 32 | (begun - 1))
 }
 
-/// Writes a row of `width` numbers for every environment.
+/// Writes a row of `width` numbers for every environment, in parallel.
 pub(crate) fn rows(all: &mut [f64], width: usize, works: &mut [Work], write: impl Fn(usize, &mut [f64], &mut Work) + Sync) {
     let width = width.max(1);
     let chunks = all.par_chunks_mut(CHUNK * width).zip(works).enumerate();

@@ -1,43 +1,48 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use nerd_sim::{articulated::device::Reach, prelude::*, range::within, sampling::hurry};
+use nerd_sim::{prelude::*, range::within, sampling::hurry};
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Limits: numbers of an observation and of an action, steps of an episode, and frames of a step (at 0.1 s each, a minute and a half).
+use crate::Compiled;
+use crate::formula::{Sight, Traced};
+
+/// Limits: widths of observation and action, steps per episode, and frames per step (at 0.1 s each, a minute and a
+/// half).
 const MOST_SEEN: f64 = 65_536.0;
 const MOST_ACTIONS: f64 = 4096.0;
 const MOST_STEPS: f64 = 1e6;
 const MOST_FRAMES: f64 = 1000.0;
-/// Most times that a fast start's velocity is halved.
+/// Most halvings of a fast start's velocity.
 const HALVINGS: usize = 12;
 
-/// One environment as seen by a task.
+/// A task's view of one environment.
 #[derive(Clone, Copy)]
 pub struct View<'a> {
     /// State `[q, qd]`.
     pub state: &'a [f64],
-    /// The episode's goal, [`Task::goal_dim`] numbers; empty for most tasks.
+    /// Goal of the episode, `goal_dim` numbers; empty for most tasks.
     pub goal: &'a [f64],
     /// The scene.
     pub scene: &'a Scene,
 }
 
-/// Working memory of one thread. Nothing in it outlives a call.
+/// Working memory of one thread. Its content does not outlive a call.
 pub struct Work {
     /// The robot.
     pub system: Arc<System>,
-    /// Its kinematics.
+    /// Dynamics data of the robot.
     pub data: Data,
-    /// Its own controller, for tasks that command positions.
+    /// Controller of the robot, for tasks that command positions.
     pub controller: Controller,
     /// Contact events.
     pub events: Vec<ContactEvent>,
-    /// Numbers.
+    /// Scratch numbers.
     pub numbers: Vec<f64>,
 }
 
 impl Work {
-    /// For a system.
+    /// Working memory for a system.
     pub fn new(system: &Arc<System>) -> Self {
         let (data, controller) = (Data::new(&system.robot), Controller::new(system));
         Self { system: system.clone(), data, controller, events: Vec::new(), numbers: Vec::new() }
@@ -49,22 +54,22 @@ impl Work {
 pub struct About {
     /// Name, as on the command line.
     pub name: &'static str,
-    /// Robot, as [`System::named`] knows it; a relative path is from the working directory.
+    /// Robot, as in [`System::named`]; a relative path is from the working directory.
     pub robot: &'static str,
-    /// Scene, as [`System::scene`] knows it.
+    /// Scene, as in [`System::scene`].
     pub scene: &'static str,
-    /// Numbers in an observation.
+    /// Width of an observation.
     pub observation: usize,
-    /// Numbers in an action, each in [-1, 1].
+    /// Width of an action; entries are in [-1, 1].
     pub action: usize,
     /// Steps after which an episode is truncated.
     pub steps: u64,
-    /// Control frames of one step.
+    /// Frames per step.
     pub frames: u64,
 }
 
 impl About {
-    /// Refuses a task without observation, action or steps, or one too large for any run.
+    /// Refuses a task with a size of 0, or one too large for any run.
     pub fn check(&self) -> Result<(), String> {
         let whole = |key: &str, n: u64, most: f64| within(key, n as f64, 1.0..=most, "");
         whole("observation", self.observation as u64, MOST_SEEN)?;
@@ -74,13 +79,15 @@ impl About {
     }
 }
 
-/// One task, of one environment at a time: [`crate::Episodes`] makes batches of it. All methods are pure, so an episode's
-/// past is its state, its goal and its number of steps.
+/// One task. Observation, torques, reward, error and end are formulas ([`crate::formula`]), written once.
+/// [`crate::Compiled`] evaluates them on the CPU, gives their gradients and writes them as GPU kernels;
+/// [`crate::Episodes`] runs batches. All methods are pure, so an episode's past is in its state, its goal and its number
+/// of steps.
 pub trait Task: Send + Sync {
-    /// Its names and sizes.
+    /// Names and sizes.
     fn about(&self) -> About;
 
-    /// Its robot.
+    /// The robot.
     fn system(&self) -> Result<Arc<System>, SystemError> {
         System::named(self.robot())
     }
@@ -93,113 +100,85 @@ pub trait Task: Send + Sync {
         Ok(robot)
     }
 
-    /// The text it was read from, for a task from a file ([`crate::FileTask`]).
+    /// Text of the file, for a task from a file ([`crate::FileTask`]).
     fn text(&self) -> Option<&str> {
         None
     }
 
-    /// Whether a goal's first three numbers are a position in the world (m), to be shown.
+    /// Ranges `[low, high)` of the first numbers of an episode's goal, drawn in this order before the start state.
+    fn goal(&self) -> &[[f64; 2]] {
+        &[]
+    }
+
+    /// Whether the first three numbers of a goal are a world position (m) to be displayed.
     fn place(&self) -> bool {
-        self.goal_dim() >= 3
+        self.goal().len() + self.plain().map_or(0, Plain::goal_dim) >= 3
     }
 
-    /// Numbers in an episode's goal.
-    fn goal_dim(&self) -> usize {
-        0
-    }
-
-    /// Names and ranges of a goal's numbers, for a task that names them.
+    /// Names and ranges `[low, high]` of the goal's numbers, for a task that names them as commands.
     fn commands(&self) -> Vec<(String, [f64; 2])> {
         Vec::new()
     }
 
-    /// Numbers at a goal's end that hold the last action and the one before it, and maybe the steps of the episode so far; zeros at first.
-    /// The caller that steps a task updates them by [`Task::remember`].
+    /// Width of the memory at the goal's end: the last action, the previous one and, if odd, the steps of the episode
+    /// so far; initially zeros.
     fn memory(&self) -> usize {
         0
     }
 
-    /// After a step: its action, clamped, becomes the last one.
-    fn remember(&self, goal: &mut [f64], action: &[f64]) {
-        if self.memory() > 0 {
-            let first = goal.len() - self.memory();
-            let kept = &mut goal[first..];
-            kept.copy_within(..action.len(), action.len());
-            if let Some(steps) = kept.get_mut(2 * action.len()) {
-                *steps += 1.0;
-            }
-            kept.iter_mut().zip(action).for_each(|(kept, a)| *kept = a.clamp(-1.0, 1.0));
-        }
-    }
-
-    /// Index of the level among the goal's numbers, and the number of levels. The level is a factor on the terrain's heights, 1 unless
-    /// [`crate::Episodes::climb`] changes it. The next number is the sum of errors over the last half of the episode.
+    /// Index of the level in the goal, and the number of levels. The level is a factor on the terrain's heights, 1
+    /// unless [`crate::Episodes::climb`] changes it. The next number in the goal is the sum of errors over the last
+    /// half of the episode.
     fn levels(&self) -> Option<(usize, usize)> {
         None
     }
 
-    /// Draws an episode's goal.
-    fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
+    /// Writes the observation: all [`About::observation`] numbers.
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]);
 
-    /// Advances a goal by a frame, if it moves.
-    fn advance(&self, _goal: &mut [f64]) {}
+    /// Writes the joint torques (N m or N) for an action, clamped to [-1, 1]; initially zeros. No limit applies
+    /// afterwards.
+    fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]);
 
-    /// A start `[q, qd]`; drawn from the robot's own `reset` ranges unless a task has another.
-    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
-        start(system, Start::Reset, rng)
-    }
-
-    /// Writes the observation: every one of [`About::observation`] numbers.
-    fn observe(&self, view: View, work: &mut Work, out: &mut [f64]);
-
-    /// Writes the joint torques (N m or N) of an action, which is clamped to [-1, 1]. Nothing limits them afterwards.
-    fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]);
-
-    /// Whether its torques come from the robot's own controller alone, which may then act as servos inside a frame ([`Simulation::serve`]).
+    /// Whether torques come from the robot's controller alone, which may then act as a servo inside the frame
+    /// ([`Simulation::serve`]).
     fn controlled(&self) -> bool {
         false
     }
 
-    /// Reward for arriving here; `torques` acted in the last frame.
-    fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64;
+    /// Reward at the state reached; `torques[joint]` acted in the last frame. If the controller acts inside the frame,
+    /// they are clamped to the torque limits, since its commands are unbounded.
+    fn reward<'a>(&self, sight: &Sight<'a>, torques: &[Traced<'a>]) -> Traced<'a>;
 
-    /// Names of the reward's terms, for a task that names them.
+    /// Names of the reward's terms, if any.
     fn terms(&self) -> &[String] {
         &[]
     }
 
     /// The reward, followed by its terms.
-    fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
-        vec![self.reward(view, torques, work)]
+    fn rewards<'a>(&self, sight: &Sight<'a>, torques: &[Traced<'a>]) -> Vec<Traced<'a>> {
+        vec![self.reward(sight, torques)]
     }
 
-    /// Error relative to the tolerance; `None` for a task that does not define success. An episode has succeeded if the mean over the last
-    /// half of its steps is at most 1.
-    fn miss(&self, _view: View, _work: &mut Work) -> Option<f64> {
+    /// Error relative to the tolerance; `None` for a task without a success criterion. An episode succeeds if the mean
+    /// over the last half of its steps is at most 1.
+    fn error<'a>(&self, _sight: &Sight<'a>) -> Option<Traced<'a>> {
         None
     }
 
-    /// The tolerance (the error that counts as 1), and its unit.
-    fn allowed(&self) -> (f64, &str) {
+    /// Tolerance (the error that counts as 1), and its unit.
+    fn tolerance(&self) -> (f64, &str) {
         (1.0, "")
     }
 
-    /// Whether this state ends the episode.
-    fn terminated(&self, _view: View, _work: &mut Work) -> bool {
-        false
+    /// Whether this state terminates the episode: 1 or 0.
+    fn terminated<'a>(&self, _sight: &Sight<'a>) -> Traced<'a> {
+        0.0.into()
     }
 
-    /// Its gradients, if it is written in formulas ([`crate::formula`]).
-    fn slopes(&self) -> Option<&dyn Slopes> {
+    /// What the task computes in plain code. Such a task stays on the CPU.
+    fn plain(&self) -> Option<&dyn Plain> {
         None
-    }
-
-    /// The task as kernels for a GPU ([`crate::formula`]), for a batch of this reach, with functions for its gradients or without.
-    ///
-    /// # Errors
-    /// If there are none, as for a task without [`crate::formula::Formulas`].
-    fn kernels(&self, _system: &System, _reach: Reach, _slopes: bool) -> Result<String, String> {
-        Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
     }
 
     /// [`About::name`].
@@ -238,23 +217,82 @@ pub trait Task: Send + Sync {
     }
 }
 
-/// Vector-Jacobian products of a task: upstream gradients with respect to its results become gradients with respect to the state, in its
-/// tangent space ([`nerd_core::tangent`]), to action and to torques, and are added. Held constant are goals, the assignment of contact
-/// points to nearest surfaces and, under a position law with prediction, the robot's mass matrix and bias.
-pub trait Slopes: Send + Sync {
-    /// Of [`Task::observe`].
-    fn observe_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
+/// What formulas cannot express, in plain code: other starts, goals that move, numbers of any origin.
+pub trait Plain: Send + Sync {
+    /// Count of goal numbers, between those drawn from [`Task::goal`] and the memory.
+    fn goal_dim(&self) -> usize {
+        0
+    }
 
-    /// Of [`Task::act`], with respect to the clamped action.
-    fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]);
+    /// Draws these numbers into `_out[goal_dim]`.
+    fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
 
-    /// Of [`Task::reward`].
-    fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, slope: &mut [f64], by_torques: &mut [f64]);
+    /// Advances a moving goal by a frame; `_goal` is the whole goal.
+    fn advance(&self, _goal: &mut [f64]) {}
+
+    /// Draws a start state `[q, qd]`, by default from the robot's `reset` ranges.
+    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        start(system, Start::Reset, rng)
+    }
+
+    /// Count of numbers that formulas read by [`Sight::plain`]; they have no gradients.
+    fn numbers_dim(&self) -> usize {
+        0
+    }
+
+    /// Writes these numbers into `_out[numbers_dim]`.
+    fn numbers(&self, _view: View, _work: &mut Work, _out: &mut [f64]) {}
 }
 
-/// A start of a task at velocities that only a good policy reaches ([`hurry`]), for a model to learn beforehand. Where the task would end
-/// at once, the velocities are halved until it does not. A task's end must not depend on its goal: here there is no episode.
-pub fn fast_start(task: &dyn Task, system: &Arc<System>, rng: &mut ChaCha8Rng) -> Vec<f64> {
+impl dyn Task + '_ {
+    /// Width of an episode's goal.
+    pub fn goal_dim(&self) -> usize {
+        self.goal().len() + self.plain().map_or(0, Plain::goal_dim) + self.memory()
+    }
+
+    /// Draws an episode's goal into `out[goal_dim]`, with an empty memory.
+    pub fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
+        let (drawn, rest) = out.split_at_mut(self.goal().len());
+        drawn.iter_mut().zip(self.goal()).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
+        rest.fill(0.0);
+        if let Some(plain) = self.plain() {
+            plain.draw_goal(rng, &mut rest[..plain.goal_dim()]);
+        }
+    }
+
+    /// Advances a moving goal by a frame.
+    pub fn advance(&self, goal: &mut [f64]) {
+        if let Some(plain) = self.plain() {
+            plain.advance(goal);
+        }
+    }
+
+    /// After a step: its clamped action becomes the last action in the goal.
+    pub fn remember(&self, goal: &mut [f64], action: &[f64]) {
+        if self.memory() > 0 {
+            let first = goal.len() - self.memory();
+            let kept = &mut goal[first..];
+            kept.copy_within(..action.len(), action.len());
+            if let Some(steps) = kept.get_mut(2 * action.len()) {
+                *steps += 1.0;
+            }
+            kept.iter_mut().zip(action).for_each(|(kept, a)| *kept = a.clamp(-1.0, 1.0));
+        }
+    }
+
+    /// Draws a start state `[q, qd]`.
+    pub fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        match self.plain() {
+            Some(plain) => plain.reset(system, rng),
+            None => start(system, Start::Reset, rng),
+        }
+    }
+}
+
+/// A start state with velocities that only a good policy reaches ([`hurry`]), as training data for a model. Velocities
+/// are halved until the task does not terminate at once. Termination must not depend on the goal, which is zero here.
+pub fn fast_start(task: &Compiled, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let system = task.recorded_for();
     let mut state = task.reset(system, rng);
     hurry(system, &mut state, rng);
     let Ok(scene) = system.scene(task.scene()) else { return state };

@@ -1,4 +1,4 @@
-//! Limits of memory and time: what exceeds them is refused before work begins.
+//! Limits of memory and time, checked before work begins.
 
 use std::ops::RangeInclusive;
 
@@ -7,32 +7,32 @@ use nerd_sim::files::memory::free;
 
 use crate::prelude::*;
 
-/// Rollouts, trajectories, games, environments.
+/// Rollouts, trajectories, episodes or environments.
 pub const STARTS: RangeInclusive<u64> = 1..=1_000_000;
-/// Frames of a rollout: at 1/60 s, four and a half hours.
+/// Frames of a rollout; at 1/60 s, 4.6 hours.
 pub const FRAMES: RangeInclusive<u64> = 1..=1_000_000;
 /// Substeps of a frame.
 pub const SUBSTEPS: RangeInclusive<u64> = 1..=10_000;
-/// Transitions of a data set: the paper has ten million.
+/// Transitions of a data set (paper: ten million).
 pub const TRANSITIONS: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Optimiser updates: the paper has five million.
+/// Optimiser updates (paper: five million).
 pub const UPDATES: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Windows or sequences in an update.
+/// Windows or sequences of an update.
 pub const BATCH: RangeInclusive<u64> = 1..=65_536;
 /// Layers of a network.
 pub const LAYERS: RangeInclusive<u64> = 1..=64;
 /// Width of a network.
 pub const EMBEDDING: RangeInclusive<u64> = 1..=4096;
-/// Seeds: what JSON and TOML hold, and some more for the seeds that are made of them.
+/// Seeds. JSON and TOML hold them as signed integers; derived seeds have room above.
 pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
 
-/// Minutes: two years.
+/// Longest run (minutes): two years.
 pub const MINUTES: f64 = 1e6;
 
-/// Substeps of all environments that a command may ask for: at a microsecond each, a day.
+/// Substeps over all environments of a command; at a microsecond each, a day.
 const WORK: u128 = 100_000_000_000;
 
-/// Refuses what needs more memory than there is: `bytes` for every combination of `factors`, options with their values.
+/// Refuses work that needs more than the free memory: `bytes` times the product of `factors` (option, value).
 pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
     let (needed, free) = (product(factors).saturating_mul(bytes as u128), u128::from(free()));
     if needed > free {
@@ -41,7 +41,7 @@ pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
     Ok(())
 }
 
-/// Refuses what takes longer than a day: `factors` are options with their values, whose product is substeps.
+/// Refuses work of more than a day. The product of `factors` (option, value) is the number of substeps.
 pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     let needed = product(factors);
     if needed > WORK {
@@ -50,7 +50,7 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(())
 }
 
-/// Refuses what a list has twice; `whose` names the list.
+/// Refuses a list with a repeated name. The first argument names the list in the error.
 pub fn once(whose: &str, names: &[String]) -> Result<()> {
     match (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
         Some(k) => refuse!("{whose}: `{}` is named twice", names[k]),
@@ -58,7 +58,7 @@ pub fn once(whose: &str, names: &[String]) -> Result<()> {
     }
 }
 
-/// Refuses NaN, which would be in a table like any other figure; `whose` names it.
+/// Refuses figures that are not finite, before they get into a table. The first argument names the figure in the error.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {
         Some(x) => refuse!("{whose} is {x}: no result is written"),

@@ -1,24 +1,24 @@
-//! Checkpoints of a training run: `last.safetensors`, from which it continues, and `best.safetensors`, the weights with the smallest
-//! criterion. Each is replaced atomically.
+//! Checkpoints of a training run: `last.safetensors`, the state to resume from, and `best.safetensors`, the weights
+//! with the smallest criterion. Each is replaced atomically.
 
 use nerd_sim::files::FileError;
 
 use crate::prelude::*;
 
-/// The state of the run in a folder.
+/// Path of the state of the run in `folder`.
 pub fn last(folder: &Path) -> PathBuf {
     folder.join("last.safetensors")
 }
 
-/// The best weights of the run in a folder.
+/// Path of the best weights of the run in `folder`.
 pub fn best(folder: &Path) -> PathBuf {
     folder.join("best.safetensors")
 }
 
-/// Writes `state` as flat f32 vectors, and the run's configuration (JSON) beside it.
+/// Writes `state` as flat f32 vectors, with the run's configuration (JSON) in the metadata.
 ///
 /// # Errors
-/// If the folder cannot be written; then an older file at `path` is untouched.
+/// If the folder cannot be written. An older file at `path` then stays as it was.
 pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<()> {
     let mut file = Tensors::default();
     for (name, x) in [("weights", &state.weights.flat), ("average", &state.average), ("m", &state.m), ("v", &state.v)] {
@@ -30,15 +30,15 @@ pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<()> {
     file.save(path)
 }
 
-/// The configuration that was saved with a state.
+/// The configuration stored with a state.
 pub(crate) fn config(path: &Path) -> Result<String> {
     Ok(Tensors::open(path)?.word("config")?.into())
 }
 
-/// Reads the state of a run with this network, and the configuration saved beside it.
+/// Reads the state of a run with this network, and the stored configuration.
 ///
 /// # Errors
-/// If the file is absent, cut short or no checkpoint, or was made for another network.
+/// If the file is absent, truncated, no checkpoint, or from a run with another network.
 pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, String)> {
     let file = Tensors::open(path)?;
     let found: TransformerConfig = file.json("network")?;
@@ -57,19 +57,19 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
     Ok((state, file.word("config")?.into()))
 }
 
-/// Weights that had the smallest criterion.
+/// The weights with the smallest criterion so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Best {
-    /// Updates done.
+    /// Number of updates done.
     pub step: u64,
-    /// What they were chosen by.
+    /// Value of the criterion, see [`crate::trainer`].
     pub criterion: f64,
     /// The averaged weights.
     pub weights: Weights,
 }
 
 impl Best {
-    /// Writes them as named tensors, with what they were chosen by.
+    /// Writes the weights as named tensors, with step and criterion.
     pub(crate) fn save(&self, folder: &Path, run: &str) -> Result<()> {
         let mut file = Tensors::default();
         file.put_network(&self.weights.config.tensors(), &self.weights.flat);
@@ -81,10 +81,10 @@ impl Best {
         file.save(&best(folder))
     }
 
-    /// Those of the run, whose text it is, in its folder; none if there is no file, or it is another run's.
+    /// Reads the best weights from `folder`; none if there is no file, or its configuration differs from `run`.
     ///
     /// # Errors
-    /// If the file cannot be read, was cut short or changed.
+    /// If the file cannot be read, is truncated or was changed.
     pub fn load(folder: &Path, run: &str) -> Result<Option<Self>> {
         let path = best(folder);
         if !path.exists() {
@@ -112,7 +112,7 @@ impl Best {
     }
 }
 
-/// SHA-256 of weights, as lower-case hex.
+/// SHA-256 of the weights, as lower-case hex.
 fn hash(weights: &Weights) -> String {
     let bytes: Vec<u8> = weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect();
     Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()

@@ -1,17 +1,18 @@
-//! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
+//! Time of a frame: the minimum over several runs on one core. Every published timing comes from here.
 
 use nerd_sim::instruments::Timed;
 
 use crate::evaluate::PassiveReport;
 use crate::prelude::*;
 
-/// Runs are repeated while they fit into this, up to a limit; [`SOME`] runs if they fit into [`PATIENCE`].
+/// Time budget of repeated runs; at most [`MOST`] fit. Up to [`SOME`] runs are made while they took less than
+/// [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);
 const MOST: usize = 20;
 const SOME: usize = 3;
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The shortest of the times that `run` says it took. What disturbs a run makes it longer, so the shortest counts.
+/// The minimum of the times that `run` returns. Disturbances only make a run slower.
 fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> {
     let (mut runs, mut total, mut best) = (0, Duration::ZERO, Duration::MAX);
     while runs == 0 || (total < TIME && runs < MOST) || (runs < SOME && total < PATIENCE) {
@@ -21,7 +22,7 @@ fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> 
     Ok(best)
 }
 
-/// A solver's errors over a number of frames, and its time per frame (us); both come from the same steps.
+/// Errors of a solver and its time per frame (us), from the same steps. `frames` counts the frames of one comparison.
 pub fn timed(
     solver: Box<dyn Solver>,
     frames: usize,
@@ -37,17 +38,17 @@ pub fn timed(
     Ok((report, each(best, frames)))
 }
 
-/// Microseconds of one of `frames` frames that took so long.
+/// Microseconds per frame, if `frames` frames took `spent`.
 pub fn each(spent: Duration, frames: usize) -> f64 {
     spent.as_secs_f64() * 1e6 / frames as f64
 }
 
-/// 1, 2, 4, .. up to `last`.
+/// Powers of two: 1, 2, 4, .. up to `last`.
 pub fn powers(last: usize) -> impl Iterator<Item = usize> {
     std::iter::successors(Some(1), |n| Some(2 * n)).take_while(move |n| *n <= last)
 }
 
-/// Works with one thread, whatever else the program has.
+/// Runs `work` in a rayon pool of one thread.
 pub fn on_one_core<T: Send, E: From<Error> + Send>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, E> {
     rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::Refused(format!("no thread to time on: {e}")))?.install(work)
 }

@@ -1,11 +1,11 @@
-//! Differences between two runs, for the message that refuses to continue one as the other.
+//! Differences between the settings of two runs, for the refusal to continue one as the other.
 
 use serde_json::Value;
 
-/// Differences named in a line, at most.
+/// Largest number of differences in a message.
 const MOST: usize = 4;
 
-/// In what two JSON texts differ, key by key with both sides, the one that was `found` first; empty if in nothing.
+/// Differences between two JSON texts, by key, with the value in `found` first; empty if they are equal.
 ///
 /// ```
 /// let text = nerd_train::difference::between(r#"{"rate": {"start": 0.1}, "seed": 1}"#, r#"{"rate": {"start": 0.2}, "seed": 1}"#);

@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
 
-/// A line on standard error. The standard `eprintln!` panics on a closed pipe.
+/// Prints a line on standard error. A closed pipe is ignored, where `eprintln!` would panic.
 #[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };
@@ -27,6 +27,7 @@ pub mod run;
 pub mod schedule;
 pub mod settings;
 pub mod shipped;
+pub mod spec;
 pub mod stats;
 pub mod stop;
 pub mod supply;

@@ -1,5 +1,5 @@
-//! Recorded motion as a truth: a log ([`nerd_sim::log`]) in three parts. Models learn from the first, the second chooses their weights,
-//! and nothing but a verdict sees the third.
+//! Recorded motion as a truth: a log ([`nerd_sim::log`]) in three parts. The first trains models, the second chooses
+//! their weights, and only verdicts use the third.
 
 use std::collections::HashMap;
 
@@ -12,35 +12,36 @@ use crate::prelude::*;
 
 part!(LogError, CalibrateError);
 
-/// One trajectory in this many is held out; of the rest, one in this many chooses the weights.
+/// Of this many trajectories, one is held out; of this many of the rest, one chooses the weights.
 const HELD_OUT: usize = 5;
 const CHOOSES: usize = 6;
-/// A card lists at most this many names of held-out trajectories; beyond it, it states the rule.
+/// Most held-out names on a card; above that, the card states the rule.
 const NAMED: usize = 100;
-/// Cutting a recording into pieces loses at most one window in this many.
+/// Cutting trajectories into pieces loses at most one window in this many.
 const LOST: usize = 100;
+/// Most trials of a calibration.
 const TRIALS: usize = 200;
 
 /// A log in three parts.
 pub struct Measured {
-    /// `recorded NAME`, as cards have it for a truth.
+    /// `recorded NAME`, the truth's name on cards.
     pub truth: String,
-    /// Robot, scene and notes; its trajectories are in the parts.
+    /// Robot, scene, notes and all trajectories.
     pub log: Log,
-    /// Of all trajectories, as they were read.
+    /// SHA-256 of all trajectories as read.
     pub sha256: String,
-    /// What models learn from.
+    /// Trajectories for training.
     pub learned: Vec<Trajectory>,
-    /// What chooses their weights.
+    /// Trajectories for choosing the weights.
     pub choosing: Vec<Trajectory>,
-    /// What they are judged by.
+    /// Held-out trajectories, for verdicts.
     pub held_out: Vec<Trajectory>,
-    /// Whether nobody chose what is held out.
+    /// Whether the default rule chose the held-out trajectories.
     by_rule: bool,
 }
 
 impl Measured {
-    /// The log of `--data`, if it names one: a TOML, or a folder with a `log.toml`.
+    /// The log at `data`, if there is one: a TOML file, or `log.toml` in a folder.
     pub fn path(data: &Path) -> Option<PathBuf> {
         let inside = data.join("log.toml");
         if inside.is_file() {
@@ -49,7 +50,7 @@ impl Measured {
         data.extension().is_some_and(|e| e == "toml").then(|| data.into())
     }
 
-    /// What cards call the truth of a log: by its file's name up to the first point, or its folder's where that is `log`.
+    /// Name of the truth of a log: the file's name up to the first dot, or the folder's name if the file is `log.toml`.
     pub fn name(path: &Path) -> String {
         let stem = |path: &Path| path.file_name().map(|name| name.to_string_lossy().split('.').next().unwrap_or_default().to_string());
         let folder = || stem(std::path::absolute(path).ok()?.parent()?);
@@ -57,7 +58,8 @@ impl Measured {
         format!("{RECORDED}{}", name.unwrap_or_default())
     }
 
-    /// Reads a log. Held out are the trajectories of these names; of none every fifth, or where there are fewer the last fifth of each.
+    /// Reads a log and holds out the trajectories with these names. Without names, every fifth is held out; with fewer
+    /// than five, the last fifth of each.
     pub fn read(path: &Path, held_out: &[u64]) -> Result<Self> {
         let log = Log::read(path, None)?;
         if let Some(id) = held_out.iter().find(|id| log.trajectories.iter().all(|t| t.id != **id)) {
@@ -66,7 +68,8 @@ impl Measured {
         Ok(Self::parted(path, log, held_out))
     }
 
-    /// The same for a model: held out is what its card says; of a log that it did not learn what [`Measured::read`] holds out.
+    /// Reads a log and holds out the trajectories on the model's card. If the model learned other data, holds out as
+    /// [`Measured::read`] without names.
     pub fn of(path: &Path, model: &Model) -> Result<Self> {
         let log = Log::read(path, None)?;
         let mut ids = Self::named(&model.config);
@@ -75,12 +78,12 @@ impl Measured {
         if found.sha256 == model.config.data_sha256 {
             return Ok(found);
         }
-        // What it did not learn of this, what stands beside it does: it is judged where neither did.
+        // The linear map and the calibrated solver learn from this log. Hold out a part that they have not seen.
         tell!("{}: the model learned other data (`{}`)", path.display(), model.config.truth);
         Ok(Self::parted(path, Log { notes: Vec::new(), ..found.log }, &[]))
     }
 
-    /// The trajectories whose names a model's card has as held out.
+    /// Names of the held-out trajectories on a model's card.
     pub fn named(config: &ModelConfig) -> Vec<u64> {
         let said = config.provenance.get("held out").map_or("", String::as_str);
         said.split(", ").filter_map(|id| id.parse().ok()).collect()
@@ -104,7 +107,7 @@ impl Measured {
         Self { truth: Self::name(path), log, sha256, learned, choosing, held_out, by_rule }
     }
 
-    /// Which trajectories are held out, in words.
+    /// The held-out trajectories in words, for a card.
     pub fn held_out(&self) -> String {
         let mut ids: Vec<u64> = self.held_out.iter().map(|t| t.id).collect();
         ids.dedup();
@@ -117,12 +120,13 @@ impl Measured {
         ids.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
     }
 
-    /// Trajectories and frames that are learned from.
+    /// Trajectories and frames in the training part.
     pub fn size(&self) -> [usize; 2] {
         [self.learned.len(), self.learned.iter().map(frames).sum()]
     }
 
-    /// A part in pieces of about `length` frames, such that every sequence of `sequence` frames lies in one of them.
+    /// Cuts a part into pieces of about `length` frames. At least 99 % of all sequences of `sequence` frames lie in a
+    /// piece.
     pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
         let mut lengths: Vec<usize> = part.iter().map(frames).filter(|n| *n >= sequence).collect();
         lengths.sort_unstable();
@@ -139,12 +143,13 @@ impl Measured {
         Ok(self.log.recording(part, pieces, sequence - 1)?)
     }
 
-    /// Where it was recorded.
+    /// The scene of the recording.
     pub fn scene(&self) -> Result<Arc<Scene>> {
         Ok(self.log.system.scene(&self.log.scene)?)
     }
 
-    /// At most `most` pieces of a part to roll out in: `frames` frames after `before` frames of history, a start every `every` frames.
+    /// At most `most` pieces of a part for rollouts: `frames` frames after `before` frames of history, one start every
+    /// `every` frames.
     pub fn pieces(&self, part: &[Trajectory], [before, frames, every]: [usize; 3], most: usize) -> Result<Pieces> {
         let length = before + frames;
         let starts = part.iter().enumerate().flat_map(|(k, t)| {
@@ -163,7 +168,7 @@ impl Measured {
         self.cut(part, &starts, [before, frames], most)
     }
 
-    /// At most `most` pieces, from starts given by trajectory and frame in a part.
+    /// At most `most` pieces from `starts`, each (trajectory, frame) in the part.
     fn cut(&self, part: &[Trajectory], starts: &[(usize, usize)], [before, frames]: [usize; 2], most: usize) -> Result<Pieces> {
         let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
         let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
@@ -181,8 +186,9 @@ impl Measured {
         })
     }
 
-    /// Pieces of what is held out that begin where trajectories of another log do, and that log's states in each frame after: how far
-    /// another solver, or the same one in other steps, comes from what was recorded. Of `frames` none is as many as most of them have; shorter ones are left out.
+    /// Held-out pieces that begin at the starts of another log's trajectories, and the other log's states after each
+    /// frame. Compares another simulator, or the same one with another step, with the recording. Without `frames`, the
+    /// median length is used; shorter trajectories are left out.
     pub fn beside(&self, other: &Log, before: usize, frames: Option<usize>, most: usize) -> Result<(Pieces, Vec<Vec<f64>>)> {
         let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
         let others: HashMap<Vec<u64>, &Trajectory> = other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
@@ -213,7 +219,7 @@ impl Measured {
         Ok((pieces, states))
     }
 
-    /// The same for a network, which sees all that a prediction of its depends on; as long as an evaluation, where trajectories are.
+    /// Pieces for a network, with its full history where trajectories are long enough, and the frames of an evaluation.
     pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
         let most_have = median(part.iter().map(self::frames));
         let before = (network.reach() - 1).min(most_have / 2);
@@ -221,13 +227,14 @@ impl Measured {
         self.pieces(part, [before, frames, frames], most)
     }
 
-    /// `articulated` as the robot's file has it.
+    /// The articulated solver as the robot's file describes it.
     pub fn described(&self) -> Result<Subject> {
         let engine = Engine::Articulated(ArticulatedConfig::accurate(&self.log.system));
         Ok(Subject::new(&self.log.system, &self.log.scene, engine)?)
     }
 
-    /// The same with what free motion may determine fitted to the training part, over rollouts of `frames` frames.
+    /// The articulated solver calibrated on the training part, over rollouts of `frames` frames. Fits the parameters
+    /// that free motion may determine, and for driven logs the drives.
     pub fn calibrated(&self, frames: usize, evaluations: usize) -> Result<Subject> {
         let (subject, log) = (self.described()?, Log { trajectories: self.learned.clone(), ..self.log.clone() });
         let mut parameters = Parameter::usual(&log.system, &log.scene, false)?;
@@ -259,7 +266,7 @@ fn frames(trajectory: &Trajectory) -> usize {
     trajectory.states.len() - 1
 }
 
-/// Every so many-th name apart; where there are fewer the end of each trajectory, a share of as much.
+/// Sets apart every `every`-th name; with fewer names, the last `1 / every` of each trajectory.
 fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajectory>) {
     let mut ids: Vec<u64> = all.iter().map(|t| t.id).collect();
     ids.dedup();

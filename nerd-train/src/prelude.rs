@@ -1,4 +1,4 @@
-//! What most files of this crate use.
+//! Imports shared by most files of this crate.
 
 pub(crate) use std::collections::BTreeMap;
 pub(crate) use std::path::{Path, PathBuf};
@@ -11,7 +11,6 @@ pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::form::{Form, View};
 pub(crate) use nerd_model::neural::Neural;
 pub(crate) use nerd_model::normalizer::{Moments, Normalizer};
-pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass};
 pub(crate) use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 pub(crate) use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording};

@@ -4,8 +4,8 @@ use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
-/// Tokens and targets of every frame of a recording, not normalised, in the given form. Tokens come from sensor readings; targets are
-/// how the robot truly moves.
+/// Tokens and targets of every frame of a recording, not normalised. Tokens come from sensor readings, targets from the
+/// true motion.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();
     let (inputs, d, joints) = (Features::inputs(system, form), system.robot.state_dim(), system.robot.joint_count());
@@ -34,19 +34,19 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
     Windows { inputs, outputs: d, frames: f, history, x, y }
 }
 
-/// Contacts at the start of a frame.
+/// Contact events at the start of a frame.
 fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEvent> {
     let points = system.robot.contact_points.len();
     let event = |i: usize| {
         let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
         let distance = recording.depths[i];
-        // The point on the robot follows from the rest and is not an input of the network.
+        // The point on the robot follows from the others and is not a network input.
         ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
     };
     (row * points..(row + 1) * points).map(event).collect()
 }
 
-/// A data set ready to be normalised, and the hash of the recordings it was made from.
+/// A data set before normalisation, with the hash of its recordings.
 pub struct Prepared {
     /// Tokens and targets.
     pub windows: Windows,
@@ -54,7 +54,8 @@ pub struct Prepared {
     pub sha256: String,
 }
 
-/// Records `config`'s trajectories in memory and turns them into tokens. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
+/// Records the trajectories of `config` in memory and turns them into tokens. `solver` makes the truth; `progress` gets
+/// the number of transitions of each finished shard. The same config gives the same bytes as
 /// [`nerd_sim::dataset::generate`].
 ///
 /// # Errors
@@ -69,7 +70,7 @@ pub fn generate(
     Ok(joined(recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?))
 }
 
-/// What `make` gives of the first trajectory and the length of every shard, in order, made in parallel.
+/// Calls `make` with the first trajectory and the length of every shard, in parallel; results are in shard order.
 pub(crate) fn recorded<T: Send>(
     system: &System,
     config: &GenerateConfig,
@@ -101,7 +102,7 @@ pub(crate) fn shard(
     Ok((tokens(system, &recording, history, form), recording.sha256()))
 }
 
-/// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
+/// Reads a folder of [`nerd_sim::dataset::generate`]. It must have been recorded with the truth named `truth`.
 pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
     let form = form.into();
     let (manifest, shards) = opened(system, truth, folder, |manifest, name| {
@@ -114,7 +115,7 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, fo
     Ok(prepared)
 }
 
-/// The manifest of such a folder, and what `read` gives of each shard's name, read in parallel.
+/// The manifest of a data folder, and the result of `read` for each shard's name; shards are read in parallel.
 pub(crate) fn opened<T: Send>(
     system: &System,
     truth: &str,

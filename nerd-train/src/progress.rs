@@ -1,4 +1,4 @@
-//! Progress on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
+//! Progress on standard error: a bar on a terminal, elsewhere a line every twenty seconds.
 
 use std::io::{IsTerminal, Write};
 
@@ -6,30 +6,30 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::prelude::*;
 
-/// A line on standard error. Nobody may read there (`2>&1 | head`), which ends no work.
+/// Prints a line on standard error. A closed pipe (`2>&1 | head`) is ignored.
 pub fn tell(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
-/// What was taken for granted of a robot, a line each; built-in ones say it in their files.
+/// Prints the assumptions made about a robot, a line each; for built-in robots they are in the files.
 pub fn notes(system: &System) {
     if System::texts(&system.name).is_none() {
         system.notes.iter().for_each(|note| tell(format_args!("{}: {note}", system.name)));
     }
 }
 
-/// Time between lines where there is no terminal.
+/// Time between lines without a terminal.
 const EVERY: Duration = Duration::from_secs(20);
 
-/// Progress of one piece of work, with throughput and time left.
+/// Progress of one task, with throughput and remaining time.
 #[derive(Debug)]
 pub struct Bar {
-    /// Hidden where there is no terminal.
+    /// Hidden without a terminal.
     bar: ProgressBar,
     what: String,
-    /// Units and time the estimate of the time left starts from.
+    /// Units done and time at the start, for the throughput.
     origin: (u64, Instant),
-    /// When a line was last printed; of a part of parallel work none is, since only the bar around it is shown.
+    /// Time of the last line; none on a terminal, or inside parallel work, where only the outer bar shows.
     printed: Option<Mutex<Instant>>,
 }
 
@@ -38,7 +38,7 @@ pub fn bar(what: &str, total: u64) -> Bar {
     bar_from(what, 0, total)
 }
 
-/// Starts a bar over `total` units of `what`, of which `done` were done before.
+/// Starts a bar over `total` units of `what`, with `done` units finished before.
 pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
     let inner = rayon::current_thread_index().is_some();
     let shown = std::io::stderr().is_terminal() && !inner;
@@ -54,13 +54,13 @@ pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
 }
 
 impl Bar {
-    /// Sets the count of finished units to `done`, including units of earlier runs.
+    /// Sets the number of finished units, earlier runs included.
     pub fn set(&self, done: u64) {
         self.bar.set_position(done);
         self.print();
     }
 
-    /// So many more are done.
+    /// Adds `more` finished units.
     pub fn add(&self, more: u64) {
         self.bar.inc(more);
         self.print();
@@ -77,17 +77,17 @@ impl Bar {
         }
     }
 
-    /// What else is to be known now, for example how well it goes.
+    /// Sets a text beside the name, for example the loss.
     pub fn say(&self, text: &str) {
         self.bar.set_message(format!("{}: {text}", self.what));
     }
 
-    /// A line of its own, which stays.
+    /// Prints a line that stays.
     pub fn line(&self, text: &str) {
         if self.bar.is_hidden() { tell!("{text}") } else { self.bar.println(text) }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub fn finish(self) {
         self.bar.finish_and_clear();
     }

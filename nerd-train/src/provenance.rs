@@ -1,4 +1,4 @@
-//! Where a figure comes from: every result has it.
+//! Provenance of a result.
 
 use std::process::Command;
 use std::sync::LazyLock;
@@ -6,13 +6,13 @@ use std::sync::LazyLock;
 use chrono::Utc;
 use serde::{Deserialize, Serialize};
 
-/// Read once, so that what is edited while a long command runs is not taken for what it ran.
+/// Read once, so that edits during a long command do not change the recorded commit.
 static COMMIT: LazyLock<String> = LazyLock::new(commit);
 
-/// Commit, command, seed, machine, date.
+/// Commit, command, seed, machine and date of a result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// Commit of the checkout, with `-dirty` at its end if tracked files differ from it; `unknown` outside git.
+    /// Commit of the checkout, with `-dirty` at the end if tracked files differ; `unknown` outside git.
     pub commit: String,
     /// The command line.
     pub command: String,
@@ -25,16 +25,21 @@ pub struct Provenance {
 }
 
 impl Provenance {
-    /// Of this process.
+    /// Provenance of this process.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args_os().skip(1).map(|word| without_folders(word.to_string_lossy().into())).collect::<Vec<_>>().join(" ");
-        // Those of Python have the module's name.
-        let program = if args.contains("-m nerd ") { "python" } else { "cargo xtask" };
+        // Commands of the Python package have the module's name.
+        let own = std::env::args_os().next().is_some_and(|word| std::path::Path::new(&word).file_stem().is_some_and(|name| name == "nerd"));
+        let program = match own {
+            _ if args.contains("-m nerd ") => "python",
+            true => "nerd",
+            false => "cargo xtask",
+        };
         let (commit, command, date) = (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());
         Self { commit, command, seed, machine: machine(), date }
     }
 
-    /// Reads the commit; to be called when a program starts.
+    /// Reads the commit; call this when a program starts.
     pub fn begin() {
         LazyLock::force(&COMMIT);
     }
@@ -44,7 +49,7 @@ impl Provenance {
         self.commit.ends_with("-dirty")
     }
 
-    /// Whether commit and command are known, without which nobody can repeat the run.
+    /// Whether commit and command are known, so that the run can be repeated.
     pub fn traceable(&self) -> bool {
         !self.commit.is_empty() && self.commit != "unknown" && !self.command.is_empty()
     }
@@ -57,13 +62,13 @@ impl std::fmt::Display for Provenance {
     }
 }
 
-/// An argument; of an absolute path only its last part, since other machines have other folders.
+/// An argument; an absolute path is cut to its last part, since other machines have other folders.
 fn without_folders(word: String) -> String {
     let last = |path: &str| std::path::Path::new(path).file_name().map(|name| name.to_string_lossy().into_owned());
     if word.starts_with('/') { last(&word).unwrap_or(word) } else { word }
 }
 
-/// GPU if there is one, processor and cores, in words.
+/// Name of the machine: GPU if there is one, processor and number of cores.
 pub fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = text.lines().find_map(|l| l.strip_prefix("model name")).map(|l| l.trim_start_matches([' ', '\t', ':']));
@@ -75,26 +80,26 @@ pub fn machine() -> String {
     }
 }
 
-/// Memory (MiB) that a process has on GPUs, if that is known.
+/// GPU memory (MiB) of a process, if known.
 pub fn card_memory(process: u32) -> Option<f64> {
     let all = output("nvidia-smi", &["--query-compute-apps=pid,used_memory", "--format=csv,noheader,nounits"])?;
     let own = all.lines().filter_map(|line| line.split_once(',')).filter(|(id, _)| id.trim() == process.to_string());
     own.map(|(_, used)| used.trim().parse::<f64>().ok()).sum()
 }
 
-/// `NERD_COMMIT` replaces git where a program runs outside its checkout.
+/// The commit of the checkout. `NERD_COMMIT` replaces it outside a checkout.
 fn commit() -> String {
     if let Ok(commit) = std::env::var("NERD_COMMIT") {
         return commit;
     }
     let Some(hash) = output("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
-    // What commands write does not change the code.
+    // Ignore files that commands write: they do not change the code.
     let code = [".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"];
     let changed = output("git", &[&["status", "--porcelain", "--untracked-files=no", "--"], &code[..]].concat());
     if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }
 }
 
-/// What a program prints; None if it cannot be run or fails.
+/// Standard output of a program; none if it cannot be run or fails.
 fn output(program: &str, args: &[&str]) -> Option<String> {
     let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;
     Some(String::from_utf8_lossy(&output.stdout).trim().to_string())

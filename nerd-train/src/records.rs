@@ -1,5 +1,6 @@
-//! Records of a run, one JSON object a line, appended as it runs: `metrics.jsonl` with its progress, and `sessions.jsonl` with the time of its
-//! updates or iterations by machine. Lines of metrics have a `step`, the updates done; a run that continues drops those it will write again.
+//! Records of a run, one JSON object per line, appended during the run: `metrics.jsonl` with its progress,
+//! `sessions.jsonl` with times by machine. A line of metrics has the updates done as `step`; a resumed run drops the
+//! lines that it will write again.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -9,15 +10,15 @@ use nerd_sim::files::{Claim, claim, has_keys, unclaimed};
 use crate::prelude::*;
 use crate::provenance::{Provenance, machine};
 
-/// A folder that this process alone writes.
+/// Claims a folder, so that only this process writes to it.
 pub fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
 
-/// What a run writes into its folder.
+/// Names of the files and folders of a run.
 const OWN: [&str; 7] = ["run.json", "metrics.jsonl", "sessions.jsonl", "last.safetensors", "best.safetensors", "model", "policy"];
 
-/// Refuses a folder that is no run and has something of a run's names.
+/// Refuses a folder with files of these names that no run has written.
 pub fn ours(folder: &Path) -> Result<()> {
     let checkpoint = |name: &str| Tensors::open(&folder.join(name)).is_ok_and(|file| file.word("config").is_ok());
     let keys: [(&str, &[&str]); 4] = [
@@ -33,7 +34,7 @@ pub fn ours(folder: &Path) -> Result<()> {
     unclaimed(folder, &OWN, known).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
 
-/// An open record.
+/// A record file, open for appending.
 #[derive(Debug)]
 pub struct Record {
     path: PathBuf,
@@ -41,8 +42,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// Opens or creates the metrics of the run in a folder that has done `step` updates, and drops the lines beyond, and one that was cut
-    /// short by a killed process.
+    /// Opens or creates the metrics of a run that has done `step` updates. Drops later lines, and a line truncated by a
+    /// killed process.
     pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
         let path = folder.join("metrics.jsonl");
         if path.exists() {
@@ -66,18 +67,18 @@ impl Record {
     }
 }
 
-/// A time that a run went on for.
+/// A stretch of a run without interruption.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Session {
-    /// Updates or iterations done before.
+    /// Updates or iterations done at the start.
     pub first: u64,
-    /// And after.
+    /// Updates or iterations done at the end.
     pub last: u64,
-    /// Time between.
+    /// Duration (s).
     pub seconds: f64,
-    /// Where.
+    /// Name of the machine.
     pub machine: String,
-    /// On what.
+    /// Time by part, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub spent: String,
 }
@@ -98,7 +99,7 @@ impl Session {
         record.write(&Self { first, last, seconds, machine: machine(), spent: spent.into() })
     }
 
-    /// The sessions of the run in `out`. A line that was cut short by a killed process is left out, with a line that says so.
+    /// All sessions of the run in `out`. A line truncated by a killed process is left out and reported.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let path = sessions(out);
         let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
@@ -112,13 +113,13 @@ impl Session {
         Ok(all)
     }
 
-    /// Whether the run has any.
+    /// Whether the run has a record of sessions.
     pub fn any(out: &Path) -> bool {
         sessions(out).exists()
     }
 }
 
-/// What a card has of a run in `out` whose record is there: the rows by name, and as a table. `own` are those of its kind.
+/// Rows of a card for a run in `out`, by name and as a table. `own` are further rows.
 pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(BTreeMap<String, String>, String)> {
     let sessions = Session::all(out)?;
     let minutes = format!("{:.1}", sessions.iter().map(|s| s.seconds).sum::<f64>() / 60.0);

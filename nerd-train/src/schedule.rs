@@ -10,14 +10,14 @@ use crate::prelude::*;
 pub struct Schedule {
     /// Rate of the first update (paper: 1e-3).
     pub start: f64,
-    /// Rate the decay ends at (paper: 1e-4).
+    /// Rate at the end of the decay (paper: 1e-4).
     pub end: f64,
     /// Updates over which the rate rises from zero (paper: 0).
     pub warmup: u64,
 }
 
 impl Schedule {
-    /// Refuses rates that teach nothing or blow up.
+    /// Refuses rates outside their ranges.
     pub fn check(&self) -> Result<(), String> {
         within("rate", self.start, 1e-12..=10.0, "")?;
         within("last_rate", self.end, 0.0..=10.0, "")

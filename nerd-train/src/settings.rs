@@ -1,5 +1,5 @@
-//! Settings with the same keys in a TOML file and on the command line. Each key's help, range and default are written once, in `settings!`;
-//! [`Settings::keys`] lists them.
+//! Settings with the same keys in TOML files and on the command line. The macro `settings!` declares help, range and
+//! default of each key once; [`Settings::keys`] lists them.
 
 use std::ops::RangeInclusive;
 
@@ -10,57 +10,74 @@ use serde_json::{Map, Value};
 /// Keys with their values.
 pub type Given = Map<String, Value>;
 
-/// One key.
+/// A key with its help and range.
 #[derive(Debug)]
 pub struct Key {
     #[doc(hidden)]
     pub field: &'static str,
     #[doc(hidden)]
     pub doc: &'static str,
-    /// What it may be.
+    /// Type and range of the value.
     pub values: Values,
+    /// Heading in a help; empty without one.
+    pub heading: &'static str,
+    #[doc(hidden)]
+    pub wanted: &'static str,
 }
 
 impl Key {
-    /// Its name in a file, and behind `--`.
+    /// Name in a file, and on the command line after `--`.
     pub fn name(&self) -> String {
         self.field.replace('_', "-")
     }
 
-    /// What it means.
+    /// Kind of value that is wanted, as helps show it: `FRAMES`, `FOLDER`.
+    pub fn wanted(&self) -> String {
+        match self.values {
+            _ if !self.wanted.is_empty() => self.wanted.into(),
+            Values::Whole(_) => "N".into(),
+            Values::Wholes(_) => "N,...".into(),
+            Values::Number(_) | Values::Positive(_) => "NUMBER".into(),
+            _ => self.name().to_uppercase(),
+        }
+    }
+
+    /// Meaning of the key, without a final full stop.
     pub fn help(&self) -> &'static str {
         self.doc.trim().trim_end_matches('.')
     }
 }
 
-/// What a key may be.
+/// Type and range of a key's value.
 #[derive(Clone, Debug)]
 pub enum Values {
     /// Yes or no.
     Flag,
-    /// A text: a name, a path.
+    /// A text that is not empty: a name, a path.
     Text,
-    /// Texts; on a command line with commas between, see [`listed`], or the option several times.
+    /// Texts; on a command line comma-separated (see [`listed`]), or the option several times.
     Texts,
-    /// One of some words.
+    /// Texts that this function accepts.
+    Read(fn(&str) -> Result<(), String>),
+    /// One of these words.
     Words(&'static [&'static str]),
-    /// A whole number within a range.
+    /// A whole number in a range.
     Whole(RangeInclusive<u64>),
-    /// Whole numbers within a range; on a command line with commas between.
+    /// Whole numbers in a range; on a command line comma-separated.
     Wholes(RangeInclusive<u64>),
-    /// A number within a range.
+    /// A finite number in a range.
     Number(RangeInclusive<f64>),
-    /// A number above 0, up to this.
+    /// A number above 0, up to a maximum.
     Positive(f64),
 }
 
 impl Values {
-    /// A value as a command line says it.
+    /// Parses and checks a value from the command line. The error names the expected values.
     pub fn parse(&self, text: &str) -> Result<Value, String> {
         let value = match self {
             Self::Flag => text.parse().map_or(Value::Null, Value::Bool),
             Self::Text | Self::Words(_) => text.into(),
-            Self::Texts => listed(text).into(),
+            Self::Texts | Self::Read(_) => listed(text).into(),
             Self::Whole(_) => text.parse::<u64>().map_or(Value::Null, Value::from),
             Self::Wholes(_) => text.split(',').map(|part| part.parse::<u64>().map_or(Value::Null, Value::from)).collect(),
             Self::Number(_) | Self::Positive(_) => text.parse::<f64>().map_or(Value::Null, Value::from),
@@ -68,13 +85,18 @@ impl Values {
         self.check(&value).map(|()| value)
     }
 
-    /// Refuses what is not among them. No number that is not finite is.
+    /// Checks type and range of a value; NaN and infinities fail. The error names the expected values.
     pub fn check(&self, value: &Value) -> Result<(), String> {
         let text = |v: &Value| v.as_str().is_some_and(|s| !s.is_empty());
         let (good, needed) = match self {
             Self::Flag => (value.is_boolean(), "true or false is needed".into()),
             Self::Text => (text(value), "a text is needed".into()),
             Self::Texts => (value.as_array().is_some_and(|all| all.iter().all(text)), "a list of texts is needed".into()),
+            Self::Read(read) => {
+                let all = value.as_array().filter(|all| all.iter().all(text));
+                let wrong = all.into_iter().flatten().filter_map(Value::as_str).find_map(|text| read(text).err());
+                (all.is_some() && wrong.is_none(), wrong.unwrap_or_else(|| "a list of texts is needed".into()))
+            }
             Self::Words(words) => (value.as_str().is_some_and(|s| words.contains(&s)), format!("one of {} is needed", words.join(", "))),
             Self::Whole(range) => {
                 let needed = format!("a whole number from {} to {} is needed", range.start(), range.end());
@@ -100,9 +122,14 @@ impl Values {
     }
 }
 
-/// Texts between commas. What is a file or a folder with commas in its name is one of them.
+/// Splits a comma-separated list outside brackets. An existing path with commas in its name stays one part.
 pub fn listed(text: &str) -> Vec<String> {
-    let parts: Vec<&str> = text.split(',').collect();
+    let mut depth = 0;
+    let outside = |c: char| {
+        depth += i32::from(c == '(') - i32::from(c == ')');
+        c == ',' && depth <= 0
+    };
+    let parts: Vec<&str> = text.split(outside).collect();
     let (mut found, mut from) = (Vec::new(), 0);
     while from < parts.len() {
         let there = |to: &usize| std::path::Path::new(&parts[from..*to].join(",")).exists();
@@ -113,12 +140,12 @@ pub fn listed(text: &str) -> Vec<String> {
     found
 }
 
-/// A struct of settings; `settings!` makes it.
+/// A struct of settings, made by `settings!`.
 pub trait Settings: Default + Serialize + DeserializeOwned {
-    /// All its keys.
+    /// All keys, with the keys of a shared struct.
     fn keys() -> Vec<&'static Key>;
 
-    /// As keys with their values; what is not set is null.
+    /// Keys with their values; an unset option is null.
     fn given(&self) -> Given {
         match serde_json::to_value(self) {
             Ok(Value::Object(all)) => all,
@@ -126,7 +153,7 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
         }
     }
 
-    /// These settings, but for those that are given.
+    /// These settings, overridden by `given`. The error is one line about the first wrong key.
     fn with(&self, given: &Given) -> Result<Self, String> {
         let mut all = self.given();
         for (name, value) in given {
@@ -141,8 +168,9 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
     }
 }
 
-/// Declares a struct of settings: `/// meaning`, `key: type = default, values;`, and in front of them, if there is one, a struct
-/// of settings that it has in common with others.
+/// Declares a struct of settings: `/// help`, `key: type = default, values, "WANTED";`, where WANTED is the kind of
+/// value that a help shows, by default the key. `# "Heading"` heads the keys below it. In front there may be a struct
+/// of settings shared with others.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! settings {
@@ -150,7 +178,9 @@ macro_rules! settings {
         $(#[doc = $about:literal])+
         pub struct $name:ident {
             $( .. $(#[doc = $shared_doc:literal])+ $shared:ident: $shared_type:ty; )?
-            $( $(#[doc = $doc:literal])+ $field:ident: $type:ty = $default:expr, $values:expr; )+
+            $( # $heading:literal
+                $( $(#[doc = $doc:literal])+ $field:ident: $type:ty = $default:expr, $values:expr $(, $wanted:literal)?; )+
+            )+
         }
     ) => {
         $(#[doc = $about])+
@@ -159,23 +189,44 @@ macro_rules! settings {
         #[non_exhaustive]
         pub struct $name {
             $( $(#[doc = $shared_doc])+ #[serde(flatten)] pub $shared: $shared_type, )?
-            $( $(#[doc = $doc])+ pub $field: $type, )+
+            $( $( $(#[doc = $doc])+ pub $field: $type, )+ )+
         }
 
         impl Default for $name {
             fn default() -> Self {
-                Self { $( $shared: Default::default(), )? $( $field: $default, )+ }
+                Self { $( $shared: Default::default(), )? $( $( $field: $default, )+ )+ }
             }
         }
 
         impl $crate::settings::Settings for $name {
             fn keys() -> Vec<&'static $crate::settings::Key> {
                 use $crate::settings::{Key, Values::*};
-                const OWN: &[Key] =
-                    &[$( Key { field: stringify!($field), doc: concat!($($doc),+), values: $values } ),+];
+                const OWN: &[Key] = &[$( $( Key {
+                    field: stringify!($field),
+                    doc: concat!($($doc),+),
+                    values: $values,
+                    heading: $heading,
+                    wanted: concat!($($wanted)?),
+                } ),+ ),+];
                 let all = OWN.iter();
                 $( let all = all.chain(<$shared_type as $crate::settings::Settings>::keys()); )?
                 all.collect()
+            }
+        }
+    };
+    (
+        $(#[doc = $about:literal])+
+        pub struct $name:ident {
+            $( .. $(#[doc = $shared_doc:literal])+ $shared:ident: $shared_type:ty; )?
+            $( $(#[doc = $doc:literal])+ $field:ident: $type:ty = $default:expr, $values:expr $(, $wanted:literal)?; )+
+        }
+    ) => {
+        $crate::settings::settings! {
+            $(#[doc = $about])+
+            pub struct $name {
+                $( .. $(#[doc = $shared_doc])+ $shared: $shared_type; )?
+                # ""
+                $( $(#[doc = $doc])+ $field: $type = $default, $values $(, $wanted)?; )+
             }
         }
     };

@@ -1,9 +1,8 @@
-//! Folders of the project's own files: models, policies, results.
+//! Paths of the project's own files: models, policies, results.
 
 use crate::prelude::*;
 
-/// The workspace around the current folder, as a path from there: empty where it is the current folder itself, or where there
-/// is none around.
+/// Root of the workspace around the current folder. Empty if that is the current folder itself, or if there is none.
 pub fn root() -> PathBuf {
     let Ok(here) = std::env::current_dir() else { return PathBuf::new() };
     let whole = |folder: &&Path| std::fs::read_to_string(folder.join("Cargo.toml")).is_ok_and(|text| text.contains("[workspace]"));
@@ -13,7 +12,8 @@ pub fn root() -> PathBuf {
     }
 }
 
-/// A path without the workspace's own, as artefacts have it; of one elsewhere the last two parts, since other machines have other folders.
+/// A path relative to the workspace, as in artefacts. Elsewhere the last two parts, since other machines have other
+/// folders.
 ///
 /// ```
 /// assert_eq!(nerd_train::shipped::from_root("/somewhere/else/ant/model".as_ref()), "ant/model");
@@ -26,12 +26,12 @@ pub fn from_root(path: &Path) -> String {
     path.strip_prefix(root()).map_or_else(|_| elsewhere(), Path::to_path_buf).display().to_string()
 }
 
-/// Folder of the models that come with the project.
+/// Folder of the shipped models.
 pub fn models() -> PathBuf {
     root().join("models")
 }
 
-/// Folder of the model of a robot that comes with the project: `models/ROBOT`, of rapier `models/ROBOT-rapier`.
+/// Folder of the shipped model of a robot: `models/ROBOT`; for rapier as truth, `models/ROBOT-rapier`.
 pub fn model(truth: Truth, robot: &str) -> PathBuf {
     models().join(match truth {
         Truth::Articulated | Truth::Paper => robot.to_string(),
@@ -40,14 +40,14 @@ pub fn model(truth: Truth, robot: &str) -> PathBuf {
     })
 }
 
-/// Folder of the model that comes with the project for a task: `models/TASK` if there is one, trained on along its policies' motions, or
-/// else its robot's.
+/// Folder of the shipped model for a task: `models/TASK`, fine-tuned on motions of its policies, if it exists; else the
+/// robot's model.
 pub fn model_of_task(task: &str, robot: &str) -> PathBuf {
     let own = models().join(task);
     if own.join("config.json").exists() { own } else { model(Truth::default(), robot) }
 }
 
-/// Folders of models or policies in one, by how their names begin, in order; none if it is not there.
+/// Model or policy folders in `of` with names that begin with `prefix`, sorted; none if `of` does not exist.
 pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     if !of.exists() {
         return Ok(Vec::new());
@@ -59,7 +59,7 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Folders of the policies that come with the project, by how their names begin.
+/// Folders of the shipped policies with names that begin with `prefix`.
 pub fn policies(prefix: &str) -> Result<Vec<PathBuf>> {
     folders(&root().join("models/policies"), prefix)
 }
@@ -69,7 +69,7 @@ pub fn results() -> PathBuf {
     root().join("results")
 }
 
-/// A path as it is given, or if there is nothing, from the workspace's root.
+/// The path if it exists, else the path from the workspace's root if that exists.
 pub fn find(path: &Path) -> PathBuf {
     let other = root().join(path);
     if !path.exists() && other.exists() { other } else { path.into() }

@@ -1,22 +1,23 @@
-//! When a run ends before it is done: by a clock, or because its process was asked to, as by a signal.
+//! Early end of runs: by a time limit, or by a signal to the process.
 
 use std::sync::MutexGuard;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::prelude::*;
 
-/// The first signal that asked, and when.
+/// The first signal, and when it arrived.
 static ASKED: Mutex<Option<(i32, Instant)>> = Mutex::new(None);
+/// Number of runs that end with a checkpoint after a signal.
 static HEEDING: AtomicUsize = AtomicUsize::new(0);
 
-/// What is under way when time is over may go on for so long; then it is broken off, and what it did is lost.
+/// Grace period for work in progress once a run should end. After it, the work is interrupted and lost.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
-/// A run that ends with a checkpoint once it is asked to, as long as this lives.
+/// While this lives, a run of the process ends with a checkpoint after a signal.
 #[derive(Debug)]
 pub struct Heed(());
 
-/// Of this run.
+/// Registers a run that ends with a checkpoint after a signal.
 pub fn heed() -> Heed {
     HEEDING.fetch_add(1, Ordering::SeqCst);
     Heed(())
@@ -28,13 +29,13 @@ impl Drop for Heed {
     }
 }
 
-/// Asks all runs of this process to end, for a signal; whether there is one that will.
+/// Asks all runs of this process to end because of a signal. Returns whether a run will respond.
 pub fn ask(signal: i32) -> bool {
     asking().get_or_insert((signal, Instant::now()));
     HEEDING.load(Ordering::SeqCst) > 0
 }
 
-/// The signal that asked for it, if one did.
+/// The first signal that asked the runs to end, if any.
 pub fn asked() -> Option<i32> {
     asking().map(|asked| asked.0)
 }
@@ -43,23 +44,23 @@ fn asking() -> MutexGuard<'static, Option<(i32, Instant)>> {
     ASKED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// When a run ends: at a moment, if there is one, or when it is asked to.
+/// When a run ends: at this moment, if given, or after a signal.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Stop(pub Option<Instant>);
 
 impl Stop {
-    /// So many minutes after a moment.
+    /// The end `minutes` after `started`; without minutes only a signal ends the run.
     pub fn after(started: Instant, minutes: Option<f64>) -> Self {
-        // More than a moment holds are no limit.
+        // Minutes beyond the range of an instant are no limit.
         Self(minutes.and_then(|minutes| started.checked_add(Duration::try_from_secs_f64(60.0 * minutes).ok()?)))
     }
 
-    /// Whether to begin nothing more.
+    /// Whether the run should end and begin nothing new.
     pub fn due(self) -> bool {
         self.past(Duration::ZERO)
     }
 
-    /// Ends what takes long and is under way.
+    /// Interrupts long work in progress once the grace period is over.
     pub(crate) fn check(self) -> Result<()> {
         if self.past(PATIENCE) { Err(Error::Stopped) } else { Ok(()) }
     }

@@ -1,46 +1,46 @@
-//! Fresh data during a run: shards recorded in the background replace the oldest.
+//! Fresh data during a run: shards recorded in the background replace the oldest shards.
 //!
-//! A network that sees ten million transitions seventy times overfits: a pendulum's loss was 8e-4 on its data and 4e-3 on new data. Which
-//! shard is replaced before which update follows from the settings alone, so a resumed run sees the same data; where the cores cannot
-//! keep up, the learner waits.
+//! A network that sees ten million transitions seventy times overfits: a pendulum's loss was 8e-4 on its data and 4e-3
+//! on new data. The settings alone determine which update replaces which shard, so a resumed run sees the same data. If
+//! recording is too slow, the learner waits.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 
 use crate::prelude::*;
 use crate::prepare::{normalize, shard};
 
-/// What to record, and when it is wanted.
+/// Settings of a supply.
 pub struct SupplyConfig {
-    /// The data that the run starts with, in whole shards; fresh ones go on where it ends.
+    /// The data at the start of the run, in whole shards. Fresh trajectories continue its numbering.
     pub data: GenerateConfig,
-    /// Fresh shards over the whole run.
+    /// Number of fresh shards in the whole run.
     pub shards: u64,
-    /// Updates of the whole run, over which they come evenly.
+    /// Updates of the whole run; fresh shards are spread evenly over them.
     pub updates: u64,
     /// Updates done before, in a resumed run.
     pub step: u64,
     /// Tokens in a window.
     pub history: usize,
-    /// What tokens and targets hold.
+    /// Form of tokens and targets.
     pub form: Form,
-    /// Of the run.
+    /// The run's normaliser.
     pub normalizer: Normalizer,
 }
 
-/// Fresh shards in order.
+/// Yields fresh shards in order.
 pub struct Supply {
     config: Arc<SupplyConfig>,
-    /// Thread t makes every T-th shard.
+    /// Thread t records every T-th shard.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
     next: u64,
 }
 
 impl Supply {
-    /// Starts recording on as many threads as rayon has; they stop when the supply is dropped.
+    /// Starts one recording thread per rayon thread; they stop when the supply is dropped.
     ///
     /// # Errors
-    /// If the data cannot be made, or are less than a shard; or a thread cannot be started.
+    /// If recording is refused, the data is less than a shard, or a thread cannot be started.
     pub fn new(system: &Arc<System>, solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static, config: SupplyConfig) -> Result<Self> {
         config.data.check(system)?;
         let (trajectories, shard) = (config.data.trajectories(), config.data.shard_trajectories);
@@ -50,7 +50,7 @@ impl Supply {
         let threads = rayon::current_num_threads() as u64;
         let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
         let mut supply = Self { threads: Vec::new(), slots, next: 0, config };
-        // Of what is past only the last of each slot is left.
+        // Of earlier shards, only the last one in each slot is still in use.
         let first = supply.wanted(supply.config.step).saturating_sub(slots);
         supply.next = first;
         for thread in 0..threads {
@@ -67,7 +67,7 @@ impl Supply {
                     k += threads;
                 }
             };
-            // A pool of one thread, so that solvers which are parallel by themselves stay on it and out of the run's way.
+            // A pool of one thread keeps solvers with internal parallelism out of the run's way.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
             pool.map_err(|e| Error::Refused(format!("fresh data: {e}")))?.spawn(work);
             supply.threads.push(receiver);
@@ -75,8 +75,8 @@ impl Supply {
         Ok(supply)
     }
 
-    /// The next shard that is to be taken up before update `step`, with the number of the first trajectory whose place it
-    /// takes; waits for it. None once all are.
+    /// The next shard due before update `step`, and the number of the first trajectory that it replaces. Waits for the
+    /// recording; none if no shard is due.
     pub fn take(&mut self, step: u64) -> Option<Result<(usize, Windows)>> {
         if self.next >= self.wanted(step) {
             return None;
@@ -89,7 +89,7 @@ impl Supply {
         Some(made.map(|windows| (place, windows)).map_err(Error::from))
     }
 
-    /// Shards taken up by the time of update `step`.
+    /// Number of fresh shards due before update `step`.
     fn wanted(&self, step: u64) -> u64 {
         let SupplyConfig { shards, updates, .. } = &*self.config;
         (u128::from(*shards) * u128::from(step) / u128::from((*updates).max(1))) as u64

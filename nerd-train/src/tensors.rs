@@ -1,4 +1,4 @@
-//! The state file of runs: named vectors and metadata in one safetensors file.
+//! Named arrays and metadata in one safetensors file, for the state of runs.
 
 use std::collections::HashMap;
 use std::fmt::Display;
@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 
 use crate::prelude::*;
 
-/// Vectors and words, to be written or as they were read.
+/// Arrays and metadata, to be written or as read.
 #[derive(Default)]
 pub(crate) struct Tensors {
     path: PathBuf,
@@ -44,7 +44,7 @@ impl Tensors {
         self.words.insert(name.into(), text.into());
     }
 
-    /// Writes the file, whole or not at all.
+    /// Writes the file atomically.
     pub fn save(&self, path: &Path) -> Result<()> {
         let views = self.parts.iter().map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::file(path))?;
@@ -72,7 +72,7 @@ impl Tensors {
         self.words.get(name).map(String::as_str).ok_or_else(|| self.wrong(format!("no `{name}` in its metadata")))
     }
 
-    /// A word as whatever it was written from.
+    /// Parses a metadata value.
     pub fn parsed<T: FromStr<Err: Display>>(&self, name: &str) -> Result<T> {
         self.word(name)?.parse().map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
@@ -81,7 +81,7 @@ impl Tensors {
         serde_json::from_str(self.word(name)?).map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
 
-    /// Reads numbers of this kind; checks their count against `length` if given.
+    /// Reads an array of type `kind`; checks its length against `length`, if given.
     fn numbers<const N: usize, T>(&self, name: &str, kind: Dtype, length: Option<usize>, read: fn([u8; N]) -> T) -> Result<Vec<T>> {
         let (dtype, shape, bytes) = self.parts.get(name).ok_or_else(|| self.wrong(format!("no `{name}`")))?;
         if *dtype != kind || length.is_some_and(|n| n != shape.iter().product::<usize>()) {

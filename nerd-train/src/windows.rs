@@ -1,8 +1,8 @@
 //! Training windows: `history` consecutive transitions of one trajectory, normalised, in memory.
 //!
-//! A window never crosses the end of its trajectory: a trajectory of F frames gives F - h + 1 windows. Which window
-//! is in row `row` of update `step` is a hash of (seed, step, row) alone, the same on every device, so a
-//! resumed run draws what the unbroken one would have drawn.
+//! A window never crosses the end of its trajectory: a trajectory of F frames gives F - h + 1 windows. A hash of (seed,
+//! step, row) alone chooses the window in row `row` of update `step`. So draws agree on every device and in a resumed
+//! run.
 
 /// Normalised inputs and targets of many trajectories of equal length.
 #[derive(Clone, Debug, Default)]
@@ -27,7 +27,7 @@ impl Windows {
         self.x.len().checked_div(self.inputs * self.frames).unwrap_or(0)
     }
 
-    /// Windows in one trajectory; none in one that is shorter than they.
+    /// Windows in one trajectory; 0 if it is shorter than a window.
     pub fn per_trajectory(&self) -> usize {
         (self.frames + 1).saturating_sub(self.history)
     }
@@ -37,15 +37,15 @@ impl Windows {
         self.trajectories() * self.per_trajectory()
     }
 
-    /// Whether there is none.
+    /// Whether there are no windows.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Puts the trajectories of `fresh` over those from number `first` on.
+    /// Replaces the trajectories from number `first` on by `fresh`.
     ///
     /// # Errors
-    /// What does not fit.
+    /// If shapes differ, or `fresh` goes beyond the last trajectory.
     pub fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), String> {
         self.fits(first, fresh, self.trajectories())?;
         self.x[first * self.frames * self.inputs..][..fresh.x.len()].copy_from_slice(&fresh.x);
@@ -53,7 +53,7 @@ impl Windows {
         Ok(())
     }
 
-    /// Refuses fresh trajectories that cannot replace those from number `first` on, out of `trajectories` of this shape.
+    /// Refuses `fresh` if it cannot replace trajectories from number `first` on, out of `trajectories` with this shape.
     pub(crate) fn fits(&self, first: usize, fresh: &Windows, trajectories: usize) -> Result<(), String> {
         let (last, own, other) = (first + fresh.trajectories(), self.shape(), fresh.shape());
         if other == own && last <= trajectories {
@@ -66,13 +66,13 @@ impl Windows {
         [self.inputs, self.outputs, self.frames, self.history]
     }
 
-    /// First token of a window, counted in tokens from the start of `x`; its tokens follow one another.
+    /// First token of a window, counted from the start of `x`; its tokens are consecutive.
     pub fn first_token(&self, window: usize) -> usize {
         window / self.per_trajectory() * self.frames + window % self.per_trajectory()
     }
 }
 
-/// The window, below `windows`, in row `row` of update `step` (three rounds of the splitmix64 finaliser).
+/// The window (below `windows`) in row `row` of update `step`: three rounds of the splitmix64 finaliser.
 pub fn draw(seed: u64, step: u64, row: u64, windows: u64) -> u64 {
     mix(mix(mix(seed) ^ step) ^ row) % windows
 }

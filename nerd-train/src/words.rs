@@ -1,4 +1,4 @@
-//! Figures and tables in words.
+//! Numbers and tables as text.
 
 /// Rows under a header, as an aligned Markdown table.
 pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
@@ -13,7 +13,7 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     format!("{}|{rule}|\n{body}", line(header.to_vec()))
 }
 
-/// `a / b` with three significant digits each.
+/// Numbers with three significant digits each, separated by ` / `.
 pub fn pair(x: &[f64]) -> String {
     x.iter().map(|v| digits(*v)).collect::<Vec<_>>().join(" / ")
 }

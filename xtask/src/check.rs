@@ -1,5 +1,5 @@
-//! `cargo xtask check`: format, circles of imports, clippy, documentation, outside packages, tests. It stops at the first that fails,
-//! and says how long each took.
+//! `cargo xtask check`: format, import cycles, clippy, documentation, outside packages, tests. Stops at the first
+//! failure, and prints the time of each step.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -8,9 +8,9 @@ use anyhow::{Context, Result, bail};
 use nerd_lab::circles;
 use nerd_train::shipped::root;
 
-/// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA engine
-/// needs no CUDA to be type-checked, and only what knows the feature is checked again. What is outside the workspace is built a
-/// package at a time, each with the features that it alone asks for.
+/// Cargo commands, cheapest first. Clippy and the documentation share compiled dependencies. The CUDA engine
+/// type-checks without CUDA, and only crates with that feature are checked again. Packages outside the workspace are
+/// built one at a time, each with only the features it requests.
 const STEPS: [(&str, &str); 10] = [
     ("format", "fmt --all --check"),
     ("format of examples", "fmt --all --check --manifest-path examples/Cargo.toml"),
@@ -24,7 +24,7 @@ const STEPS: [(&str, &str); 10] = [
     ("tests", "test --release --workspace"),
 ];
 
-/// Of one package, whose name comes behind it.
+/// Checks one outside package; its name follows.
 const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
 pub fn run() -> Result<()> {

@@ -1,54 +1,76 @@
-//! The verbs in groups, as `cargo xtask` shows them, and `docs/commands.md`, written from the program's own help.
+//! The verbs in groups, as `cargo xtask` shows them, and the text of `docs/commands.md`, made from the program's help.
+
+use std::any::TypeId;
 
 use clap::{Arg, Command};
 use nerd_train::shipped::root;
 
 const GROUPS: [(&str, &[&str]); 5] = [
-    ("Data", &["dataset", "inspect", "urdf"]),
+    ("Data", &["dataset", "inspect", "check-robots"]),
     ("Learn", &["train", "calibrate"]),
     ("Measure", &["rollout", "live", "evaluate", "chart", "stability", "measure", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "report", "campaign", "check"]),
+    ("Project", &["list", "results", "report", "fuzz", "check"]),
 ];
 
-/// Options that are folders wherever they do not say that they are files.
-const FOLDERS: [&str; 8] = ["out", "model", "models", "policy", "data", "from", "parents", "faults"];
+/// What options take, unless their value name is FILE.
+const VALUES: [(&str, &[&str]); 5] = [
+    ("FOLDER", &["out", "model", "policy", "from", "runs", "keep"]),
+    ("PYTHON", &["mujoco"]),
+    ("PATH", &["data", "beside"]),
+    ("FILE", &["log"]),
+    ("NAME,...", &["parameters", "per-trajectory", "regularized", "kinds"]),
+];
 
-/// The program with what all its verbs have.
+/// Adds the grouped help and the options shared by all verbs.
 pub fn prepare(program: Command) -> Command {
     let about = |name: &str| program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string).unwrap_or_default();
     let line = |name: &&str| format!("  {name:<12} {}\n", about(name));
     let group = |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
-    let end = "`cargo xtask VERB --help` explains a verb, docs/commands.md has all of them. With --json a verb prints its tables as JSON.";
+    let end = "`cargo xtask VERB --help` explains a verb, docs/commands.md explains all. With --json, a verb prints its tables as JSON.";
     let groups = GROUPS.iter().map(group).collect::<String>() + end;
     let json = Arg::new("json").long("json").action(clap::ArgAction::SetTrue).global(true).hide(true);
     let program = program.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(groups).arg(json);
     program.disable_help_subcommand(true).subcommand_value_name("VERB").mut_subcommands(shared)
 }
 
-/// A number below zero behind an option is its value, for the option to refuse by its range.
+/// Lets negative numbers be option values, so that an option's range refuses them.
 fn shared(verb: Command) -> Command {
     let verb = verb.mut_args(|arg| {
-        let valued = !arg.is_positional() && arg.get_action().takes_values();
-        let file = arg.get_value_names().is_some_and(|names| names[0] == "FILE");
-        let arg = if FOLDERS.contains(&arg.get_id().as_str()) && !file { arg.value_name("FOLDER") } else { arg };
-        arg.allow_negative_numbers(valued)
+        let takes = !arg.is_positional() && valued(&arg);
+        let arg = if takes { named(arg) } else { arg };
+        arg.allow_negative_numbers(takes)
     });
     verb.disable_help_subcommand(true).mut_subcommands(shared)
+}
+
+/// Names an option's value by its kind: a number, a folder, one of its words.
+fn named(arg: Arg) -> Arg {
+    let words: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect();
+    let kind = arg.get_value_parser().type_id();
+    let file = arg.get_value_names().is_some_and(|names| names[0] == "FILE");
+    let own = VALUES.iter().find(|(_, options)| !file && options.contains(&arg.get_id().as_str()));
+    match own {
+        Some((name, _)) => arg.value_name(*name),
+        None if kind == TypeId::of::<usize>() || kind == TypeId::of::<u64>() => arg.value_name("N"),
+        None if kind == TypeId::of::<f64>() => arg.value_name("NUMBER"),
+        None if !words.is_empty() => arg.value_name(words.join("|")),
+        None => arg,
+    }
 }
 
 pub fn reference(mut program: Command) -> String {
     program.build();
     let mut text = String::from(
-        "# Commands\n\nWritten by `cargo xtask results write` from the program's own help. Every command ends with exit code 0, or with \
-         2 and one line that says what, where and what to do. Files are written whole or not at all. With `--json` a command prints \
+        "# Commands\n\nWritten by `cargo xtask results write` from the program's own help. Every command ends with exit code 0, or \
+         with one line that says what, where and what to do, and exit code 1, or 2 where the command line cannot be read. Files are written whole or not at all. With `--json` a command prints \
          its tables as JSON, and nothing else.\n",
     );
     for (title, verbs) in GROUPS {
         text += &format!("\n## {title}\n");
         verbs.iter().filter_map(|name| program.find_subcommand(name)).for_each(|verb| chapter(&mut text, verb, "###"));
     }
-    // Defaults are found from where this runs.
+    // Default paths depend on the working directory.
     let here = format!("{}/", root().display());
     if here == "/" { text } else { text.replace(&here, "") }
 }
@@ -59,12 +81,19 @@ fn chapter(text: &mut String, verb: &Command, level: &str) {
     let usage = verb.clone().render_usage().to_string();
     *text += &format!("\n{level} {name}\n\n{about}.\n\n```sh\n{}\n```\n", usage.trim_start_matches("Usage:").trim());
     let shown: Vec<&Arg> = verb.get_arguments().filter(|a| !a.is_hide_set() && a.get_id() != "help").collect();
-    if !shown.is_empty() {
-        *text += "\n| option | meaning | default |\n|---|---|---|\n";
+    let mut headings = Vec::new();
+    for heading in shown.iter().map(|arg| arg.get_help_heading()) {
+        if !headings.contains(&heading) {
+            headings.push(heading);
+        }
     }
-    for arg in shown {
-        let (meaning, default) = meaning(arg);
-        *text += &format!("| `{}` | {meaning} | {default} |\n", option(arg));
+    for heading in headings {
+        *text += &heading.map(|heading| format!("\n**{heading}**\n")).unwrap_or_default();
+        *text += "\n| option | meaning | default |\n|---|---|---|\n";
+        for arg in shown.iter().filter(|arg| arg.get_help_heading() == heading) {
+            let (meaning, default) = meaning(arg);
+            *text += &format!("| `{}` | {meaning} | {default} |\n", option(arg).replace('|', "\\|"));
+        }
     }
     if let Some(more) = verb.get_after_help() {
         *text += &format!("\n```text\n{more}\n```\n");
@@ -75,7 +104,7 @@ fn valued(arg: &Arg) -> bool {
     arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
 }
 
-/// As it is given: `--out <FILE>`.
+/// An option as typed: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
     let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
     match arg.get_long() {
@@ -85,7 +114,7 @@ fn option(arg: &Arg) -> String {
     }
 }
 
-/// What it does with the words it takes, and its default, of which some helps speak themselves.
+/// An option's help with its possible values, and its default, which some helps state themselves.
 fn meaning(arg: &Arg) -> (String, String) {
     let help = arg.get_help().map(ToString::to_string).unwrap_or_default().replace('|', "\\|").replace('\n', " ");
     let said = help.strip_suffix(']').and_then(|text| text.rsplit_once(" [default: "));

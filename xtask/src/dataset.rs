@@ -1,7 +1,7 @@
-//! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, whatever `train` can
-//! learn from.
+//! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, for
+//! `train`.
 //!
-//! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones.
+//! Shards are written atomically; the same command again keeps existing shards and makes missing ones.
 
 use nerd_train::run::RecordConfig;
 
@@ -9,15 +9,15 @@ use crate::{options::TRANSITIONS, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
+    /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long)]
     pub robot: String,
     #[command(flatten)]
     pub keys: Keys<RecordConfig>,
-    /// Transitions in all, rounded up to whole trajectories
+    /// Number of transitions to record, rounded up to whole trajectories
     #[arg(long, default_value_t = 1_000_000, value_parser = value::<usize>(Whole(TRANSITIONS)))]
     pub transitions: usize,
-    /// Folder of the shards
+    /// Folder to write the shards into. The same command keeps existing shards and adds missing ones
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }

@@ -1,33 +1,37 @@
-//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --starts 2048`: passive motion against the truth, a
-//! model's against the one it learned ([`nerd_lab::experiments::passive`]).
+//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --trajectories 2048`: passive motion against the
+//! truth, for a model the truth that it learned ([`nerd_lab::experiments::passive`]).
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Recorded};
 use nerd_lab::page::motions;
 
 use crate::out::{self, conduct, tables};
 use crate::prelude::*;
-use crate::solvers::{SolverArgs, SolverName};
+use crate::solvers::SolverArgs;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robots, comma-separated: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml); a log names
-    /// its own
+    /// Robots, comma-separated: names from `list robots`, or paths of a .urdf, MJCF (.xml) or cable .toml. Needed
+    /// without --data, whose log names the robot
     #[arg(long, required_unless_present = "data", conflicts_with = "data")]
     pub robot: Vec<String>,
     #[command(flatten)]
     pub keys: Keys<Protocol>,
     #[command(flatten)]
     pub solver: SolverArgs,
-    /// File that replays the first start, let go, in the model and in its truth, as a page (needs --solver neural)
+    /// HTML page to write: the first start without torques, in the model beside its truth. Needs --solver neural
+    /// [default: none]
     #[arg(long, value_name = "FILE")]
     pub replay: Option<PathBuf>,
-    /// Name of the result to write [default: passive]
+    /// Name of the result [default: passive]
     #[arg(long)]
     pub name: Option<String>,
-    /// Folder for the result; without it and --name nothing is written [default with --name: results]
+    /// Folder to write the result into; without --out and --name nothing is written [default: none; with --name
+    /// results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
+
+const REPLAY: &str = "--replay shows a model of one robot beside its truth: --solver neural is needed";
 
 pub fn run(args: EvaluateArgs) -> Result<()> {
     let asked = args.keys.settings()?;
@@ -43,9 +47,8 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     };
     let cases = robots.iter().map(case).collect::<Result<Vec<_>>>()?;
     let replay = args.replay.map(|file| -> Result<_> {
-        let [Case { robot, solver: Choice::Neural { folder, .. }, .. }] = &cases[..] else {
-            bail!("--replay shows a model of one robot beside its truth: --solver neural is needed")
-        };
+        let [Case { robot, solver, .. }] = &cases[..] else { bail!(REPLAY) };
+        let Some(folder) = solver.folder() else { bail!(REPLAY) };
         out::page(&file)?;
         let system = System::named(robot)?;
         let scene = asked.scene.first().map_or_else(|| system.usual_scenes()[0], String::as_str);
@@ -66,7 +69,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
 fn recorded(solver: &SolverArgs, replay: Option<PathBuf>, asked: &Protocol, name: &str, out: Option<PathBuf>) -> Result<()> {
     let card = solver.device.is_some_and(Device::is_cuda);
     let others = SolverArgs { solver: None, model: None, device: solver.device.filter(|_| !card), ..solver.clone() };
-    let other = solver.solver.is_some_and(|s| s != SolverName::Neural) || others != SolverArgs::default() || replay.is_some();
+    let other = solver.solver.is_some() && !solver.neural() || others != SolverArgs::default() || replay.is_some();
     let (Some(data), Some(model), false) = (&asked.data, &solver.model, other) else {
         bail!(
             "--data compares a model with recorded motion: --model names it, --device cuda times it there, too, and no other option of solvers is taken"

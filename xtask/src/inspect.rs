@@ -1,4 +1,4 @@
-//! `cargo xtask inspect --robot FILE`: what is known of a robot, and what was derived.
+//! `cargo xtask inspect --robot FILE`: a robot's specification, including derived values.
 
 use nerd_lab::survey::verdict;
 use nerd_sim::system::Source;
@@ -7,12 +7,12 @@ use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct InspectArgs {
-    /// Robot: built in, or the path of a .urdf or MJCF (.xml)
+    /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long)]
     pub robot: String,
 }
 
-/// A specification as TOML, with what was taken for granted and whether it stands.
+/// Prints the specification as TOML, with the assumptions made and whether the robot stands.
 pub fn run(args: InspectArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
@@ -28,7 +28,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
     for (joint, own) in system.robot.joints().zip(system.joint_specs()) {
         let limits = joint.limit.map_or("no limits".into(), |limit| format!("{:.3} to {:.3}", limit.lower, limit.upper));
         let gain = own.gain.unwrap_or(own.torque);
-        say!("#   {}: {:.3} ({limits}), {gain}, {}, {}, {}", joint.name, own.default, own.kp, own.kd, joint.armature);
+        say!("#   {}: {:.3} ({limits}), {gain}, {}, {}, {}", joint.name, own.default_q, own.kp, own.kd, joint.armature);
     }
     let mut shown = (*system).clone();
     let vertices: usize = shown.spec.contacts.iter().map(|contact| contact.vertices.len()).sum();
@@ -36,7 +36,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
         say!("# [[contact]] is left out here: {points} points of {vertices} vertices");
         shown.spec.contacts.clear();
     }
-    // An empty list would say that nothing touches.
+    // An empty list would mean that nothing touches.
     say!("{}", shown.spec_text().replace("contact = []\n", ""));
     say!("# {} (drives as stiff as its size asks for, whatever kp and kd are)", verdict(&system, 1.0));
     Ok(())

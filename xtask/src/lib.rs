@@ -2,6 +2,7 @@
 
 use std::error::Error;
 use std::ffi::OsString;
+use std::path::Path;
 
 use anyhow::Result;
 use clap::{Command, CommandFactory, FromArgMatches, Parser, error::ErrorKind};
@@ -11,16 +12,17 @@ use nerd_train::provenance::Provenance;
 #[macro_use(tell)]
 extern crate nerd_train;
 
-/// A line on standard output. The standard `println!` panics on a closed pipe.
+/// Prints a line to standard output; `println!` would panic on a closed pipe.
 macro_rules! say {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod campaign;
 mod check;
+mod check_robots;
 mod commands;
 mod dataset;
 mod evaluate;
+mod fuzz;
 mod inspect;
 mod list;
 mod live;
@@ -30,6 +32,7 @@ mod out;
 mod policy;
 mod prelude;
 mod refusals;
+mod renamed;
 mod report;
 mod reproduce;
 mod results;
@@ -38,7 +41,6 @@ mod signals;
 mod solvers;
 mod stability;
 mod train;
-mod urdf;
 
 /// NeRD in Rust: data, training, rollouts, measurement.
 #[derive(Parser)]
@@ -46,39 +48,39 @@ mod urdf;
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
-    /// Show what is known of a robot, and what was derived
+    /// Print the full specification of a robot, with derived values
     Inspect(inspect::InspectArgs),
     /// Train a model, or continue a run
     Train(Box<train::TrainArgs>),
-    /// Roll a solver out from the states of a CSV file
+    /// Roll out a solver from the states of a CSV file
     Rollout(rollout::RolloutArgs),
     /// Measure how far a solver drifts from the truth
     Evaluate(evaluate::EvaluateArgs),
-    /// Draw speed against accuracy of every solver of a scene
+    /// Draw speed against accuracy of every solver in a scene
     Chart(measure::Conduct<Chart>),
-    /// Show where each method holds, bends and breaks
+    /// Show where each method passes, degrades and fails
     Stability(stability::StabilityArgs),
-    /// Measure a cable's motions, or robots of a family
+    /// Measure solvers on new motions, or on robots with drawn parameters
     Measure(measure::MeasureArgs),
-    /// The main job: tables and charts of the shipped models
+    /// Measure the main result: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
-    /// Check which results still hold, make them again, write their figures into the documents
+    /// Check which results still hold, remake them, and write their figures into the documents
     Results(results::ResultsArgs),
-    /// Write one page with all tables, charts, maps and replays
+    /// Write one HTML page with all tables, charts, maps and replays
     Report(report::ReportArgs),
-    /// Train, evaluate or show a policy
+    /// Train, evaluate, show or export policies
     Policy(policy::PolicyArgs),
-    /// Fit parameters of robot, contact and scene to measured trajectories, and judge the fit on others
+    /// Fit parameters of robot, contact and scene to measured trajectories, and test the fit on others
     Calibrate(measure::Conduct<Calibration>),
-    /// Read every URDF and MJCF of a folder and roll it out, or name what is not supported
-    Urdf(urdf::UrdfArgs),
-    /// Serve a page on this machine: a robot that steps in real time, to be pushed and given another solver
+    /// Read URDF and MJCF files, roll each robot out, and report unsupported features
+    CheckRobots(check_robots::CheckRobotsArgs),
+    /// Serve a page with a robot in real time, to push it and to swap its solver
     Live(live::LiveArgs),
-    /// Change files of every kind at random and read them: each is refused or used, without a panic
-    Campaign(campaign::CampaignArgs),
-    /// List robots, scenes, tasks, models, rows
+    /// Fuzz the readers of files: each changed file must be accepted or refused without a panic
+    Fuzz(fuzz::FuzzArgs),
+    /// List robots, scenes, tasks, models or rows of the stability suite
     List(list::ListArgs),
-    /// Format, clippy, circles of imports, docs, tests
+    /// Check format, import cycles, lints, documentation, examples and tests
     Check,
 }
 
@@ -86,10 +88,13 @@ fn program() -> Command {
     commands::prepare(Verb::command())
 }
 
-fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Verb, clap::Error> {
+fn parse(words: Vec<OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
-    let words: Vec<OsString> = words.into_iter().collect();
-    // Results, checkpoints and pages name files as text.
+    // Help says what was typed: `nerd`, `python -m nerd`, else `cargo xtask`.
+    if let Some(name) = words.first().and_then(|word| Path::new(word).file_stem()?.to_str()).filter(|name| name.ends_with("nerd")) {
+        program = program.bin_name(name.to_string()).name(name.to_string());
+    }
+    // Results, checkpoints and pages store file names as text.
     if let Some(word) = words.iter().skip(1).find(|word| word.to_str().is_none()) {
         let said = format!("`{}` is not UTF-8; rename the file or folder, or make a link to it with such a name", word.display());
         return Err(program.error(ErrorKind::InvalidUtf8, said));
@@ -116,37 +121,44 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Report(args) => report::run(args),
         Verb::Policy(args) => policy::run(args),
         Verb::Calibrate(args) => args.run(),
-        Verb::Urdf(args) => urdf::run(args),
+        Verb::CheckRobots(args) => check_robots::run(args),
         Verb::Live(args) => live::run(args),
-        Verb::Campaign(args) => campaign::run(args),
+        Verb::Fuzz(args) => fuzz::run(args),
         Verb::List(args) => list::run(args),
         Verb::Check => check::run(),
     }
 }
 
-/// Runs a verb on the threads that all work is spread over; where none can be had, on this one.
+/// Runs a verb on the thread pool; on this thread alone if no threads can be started.
 fn spread(verb: Verb) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new;
-    // What is no failure of the system is a pool that is there.
+    // An error without a source means that the pool already exists.
     let Some(e) = pool().build_global().err().filter(|e| e.source().is_some()) else { return run(verb) };
     tell!("note: no threads can be started ({e}): all is done on one; allow more (ulimit -u), or ask for fewer (RAYON_NUM_THREADS)");
     pool().num_threads(1).use_current_thread().build()?.install(|| run(verb))
 }
 
-/// Does what a command line says, whose first word is the program; the exit code.
+/// Runs a command line (its first word is the program); returns the exit code.
 pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
     signals::heed();
     Provenance::begin();
+    let (words, note) = renamed::replace(words.into_iter().collect());
+    // One line: the note on old names follows a success, or ends the line of an error.
+    let end = note.as_ref().map_or_else(String::new, |note| format!("; {note}"));
+    let refuse = |error: String, code: u8| refusals::end(&(error + &end), code);
     match parse(words) {
         Ok(verb) => match spread(verb).and_then(|()| out::finish()) {
-            Ok(()) => signals::ended(),
+            Ok(()) => {
+                note.iter().for_each(|note| tell!("note: {note}"));
+                signals::ended()
+            }
             Err(error) => {
-                let code = refusals::end(&refusals::failure(&error));
+                let code = refuse(refusals::failure(&error), 1);
                 nerd_train::stop::asked().map_or(code, signals::code)
             }
         },
-        // Who asks for help, or for nothing at all, sees the verbs.
+        // Help, on request or without a verb.
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
-        Err(error) => refusals::end(&refusals::usage(&error)),
+        Err(error) => refuse(refusals::usage(&error), 2),
     }
 }

@@ -4,12 +4,13 @@ use anyhow::Result;
 use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
-use nerd_sim::suite::{Row, Suite};
+use nerd_suite::{Row, Suite};
 use nerd_tasks::{general, named, names};
 use nerd_train::shipped::{folders, from_root, root};
 
 use crate::out;
-use nerd_lab::choice::describe;
+use nerd_lab::describe::title;
+use nerd_train::spec::SolverSpec;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ListArgs {
@@ -19,19 +20,20 @@ pub struct ListArgs {
 
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum What {
-    /// Robots that are built in; the path of any .urdf, or of a cable's .toml, names one, too
+    /// List the built-in robots; the path of a .urdf, MJCF (.xml) or cable .toml names any other
     Robots,
-    /// Scenes of each robot
+    /// List the scenes of each robot
     Scenes {
-        /// Of one robot: its name, or the path of a .urdf or MJCF (.xml)
+        /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable
+        /// .toml [default: all built-in robots]
         #[arg(long)]
         robot: Option<String>,
     },
-    /// Tasks of policies
+    /// List the tasks of policies
     Tasks,
-    /// Models that are shipped
+    /// List the shipped models
     Models,
-    /// Rows of the stability suite
+    /// List the rows of the stability suite
     Rows,
 }
 
@@ -78,7 +80,7 @@ fn scenes(robot: Option<&str>) -> Result<Table> {
     Ok(Table::new("scenes", &["robot", "scene", "ground", "friction"]).with(rows))
 }
 
-/// What is there to touch, and its friction coefficient.
+/// The colliders of a scene in words, and the friction coefficient of the first.
 fn ground(scene: &Arc<Scene>) -> (String, String) {
     let Some(first) = scene.colliders.first() else { return ("empty space".into(), String::new()) };
     let words = match (&first.plane, scene.colliders.len()) {
@@ -100,7 +102,7 @@ fn tasks() -> Result<Table> {
             [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()].map(|n| n.to_string());
         rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
-    // What they see depends on the robot.
+    // Sizes depend on the robot.
     rows.extend(
         general().into_iter().map(|name| [&[name, "any (--robot)"], &["-"; 5][..]].concat().into_iter().map(String::from).collect()),
     );
@@ -112,7 +114,9 @@ fn models() -> Result<Table> {
     for folder in folders(&root().join("models"), "")? {
         let Ok(model) = ModelConfig::read(&folder) else { continue };
         let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
-        rows.push([&[from_root(&folder), model.robot.clone(), model.truth.clone(), describe(&model)], &numbers[..]].concat());
+        rows.push(
+            [&[from_root(&folder), model.robot.clone(), model.truth.clone(), title(&SolverSpec::neural(&folder))?], &numbers[..]].concat(),
+        );
     }
     Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
 }

@@ -1,28 +1,29 @@
-//! `cargo xtask live`: a robot in a browser on this machine, to be watched, pushed and given another solver while it moves.
+//! `cargo xtask live`: a robot in a browser on this machine, to be watched, pushed and given other solvers while it
+//! moves.
 
 use nerd_lab::live::{Live, Menu, World};
-use nerd_model::pick::Setting;
+use nerd_train::spec::SolverSpec;
 
 use crate::prelude::*;
 
-/// Ports that a user may name; 0 is any that is free.
+/// Valid ports; 0 is any free one.
 const PORTS: std::ops::RangeInclusive<u64> = 0..=65535;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct LiveArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
+    /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long, required_unless_present = "policy")]
     pub robot: Option<String>,
-    /// Scene [default: ground, or what the robot has first]
+    /// Scene at the start [default: ground, else the robot's first scene]
     #[arg(long)]
     pub scene: Option<String>,
-    /// Folder of a policy that acts, in its own task
+    /// Folder of a policy that acts in its own task, in place of --robot and --scene
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["robot", "scene"])]
     pub policy: Option<PathBuf>,
-    /// Folders of models to choose from, beside that in `models/ROBOT`
+    /// Folders of models to choose from, comma-separated, in addition to `models/ROBOT`
     #[arg(long, value_name = "FOLDER")]
     pub model: Vec<String>,
-    /// Port of 127.0.0.1 [default: any that is free]
+    /// TCP port on 127.0.0.1; 0 takes any free port [default: 0]
     #[arg(long, default_value = "0", hide_default_value = true, value_parser = value::<usize>(Whole(PORTS)))]
     pub port: usize,
 }
@@ -31,7 +32,7 @@ pub fn run(args: LiveArgs) -> Result<()> {
     let models: Vec<PathBuf> = args.model.iter().flat_map(|models| listed(models)).map(PathBuf::from).collect();
     let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &models)?)?;
     for folder in models {
-        Setting::Neural(folder).solver(&world.system)?;
+        SolverSpec::neural(folder).solver(&world.system, 1)?;
     }
     let title = world.title.clone();
     let live = Live::serve(world, args.port as u16)?;

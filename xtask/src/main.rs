@@ -1,4 +1,4 @@
-//! The program; the library is also what `python -m nerd` calls.
+//! The program; `python -m nerd` calls the same library.
 
 use std::process::ExitCode;
 

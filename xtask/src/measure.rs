@@ -1,4 +1,4 @@
-//! Experiments of the laboratory as verbs, whose options are their settings; `cargo xtask measure` has two.
+//! Experiments of nerd-lab as verbs, with their settings as options; `cargo xtask measure` has two.
 
 use nerd_lab::experiments::{Experiment, family::Family, motions::Motions};
 use nerd_train::settings::Settings;
@@ -10,18 +10,18 @@ use crate::prelude::*;
 pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static> {
     #[command(flatten)]
     pub keys: Keys<T>,
-    /// Folder to write [default: results]
+    /// Folder to write the result into [default: results]
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
 impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T> {
-    /// Measures it into the folder, and shows its tables.
+    /// Measures into the folder and prints the tables.
     pub fn run(self) -> Result<()> {
         conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results)).map(drop)
     }
 
-    /// Measures it; writes only where a folder is named.
+    /// Measures and prints the tables; writes only if a folder is named.
     pub fn try_out(self) -> Result<()> {
         if self.out.is_some() {
             return self.run();
@@ -39,9 +39,9 @@ pub struct MeasureArgs {
 
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum What {
-    /// Errors of solvers along motions of a data set's kind that none has seen
+    /// Measure errors of solvers along new motions, drawn as for a data set
     Motions(Conduct<Motions>),
-    /// Robots of a family beside models that are told or guess them, by the frames seen
+    /// Measure errors on robots with drawn parameters, by the frames seen before a rollout
     Family(Conduct<Family>),
 }
 

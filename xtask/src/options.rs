@@ -1,4 +1,4 @@
-//! Settings of the libraries as options of the command line, with their names, help, ranges and defaults.
+//! Settings of the libraries as command-line options, with names, help, ranges and defaults.
 
 use std::marker::PhantomData;
 
@@ -13,11 +13,11 @@ pub use nerd_train::bounds::{FRAMES, MINUTES, SEEDS, STARTS, SUBSTEPS, TRANSITIO
 pub use nerd_train::settings::Values::{Positive, Whole};
 
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
-/// And of a model: on the second its products are in f16 where one kernel computes its network, on the third nowhere.
+/// Devices of models. With `cuda`, matrix products are f16 if one kernel computes the network; with `cuda-f32`, never.
 pub const MODELS: &[&str] = &["cpu", "cuda", "cuda-f32"];
 pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];
 
-/// An option's value, checked as a setting is.
+/// Parses an option's value with the checks of a setting.
 pub fn value<T: DeserializeOwned>(values: Values) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
     move |text| serde_json::from_value(values.parse(text)?).map_err(|e| e.to_string())
 }
@@ -31,24 +31,25 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
         let name = key.name();
         let default = defaults.get(&name).filter(|v| v.is_number() || v.as_str().is_some_and(|s| !s.is_empty()));
         let default = default.map(|value| format!(" [default: {}]", value.to_string().trim_matches('"'))).unwrap_or_default();
-        let arg = Arg::new(name.clone()).long(name.clone()).help(format!("{}{default}", key.help())).value_name(name.to_uppercase());
+        let arg = Arg::new(name.clone()).long(name).help(format!("{}{default}", key.help())).value_name(key.wanted());
+        let arg = if key.heading.is_empty() { arg } else { arg.help_heading(key.heading) };
         let values = key.values.clone();
         match key.values {
             Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
             Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<Value>(values)),
-            Values::Texts => arg.value_parser(value::<Value>(values)).action(ArgAction::Append),
+            Values::Texts | Values::Read(_) => arg.value_parser(value::<Value>(values)).action(ArgAction::Append),
             _ => arg.value_parser(value::<Value>(values)),
         }
     };
     keys.into_iter().map(option).collect()
 }
 
-/// Those of the keys that a command line gave.
+/// Values of the keys that the command line sets.
 pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     let one = |key: &Key| {
         let name = key.name();
         let all = matches.get_many::<Value>(&name).filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
-        // Of an option that is there several times the lists follow each other.
+        // A repeated list option appends.
         let join = |mut first: Value, next: Value| match (&mut first, next) {
             (Value::Array(first), Value::Array(mut next)) => {
                 first.append(&mut next);

@@ -1,5 +1,5 @@
-//! Standard output, which may be closed (`| head`) or full without ending a command before it has written its files. With `--json` it
-//! holds only the tables, as one object: names, and rows as objects.
+//! Standard output. If closed (`| head`) or full, the command still writes its files. With `--json` it holds the tables
+//! alone, as one object from names to rows.
 
 use std::io::{ErrorKind, Write, stdout};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -14,12 +14,12 @@ use nerd_train::replay::Replay;
 static LOST: OnceLock<String> = OnceLock::new();
 static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();
 
-/// From now on tables are kept for [`finish`], and all other lines go to standard error.
+/// From now on tables are kept for [`finish`], and other lines go to standard error.
 pub fn json() {
     TABLES.get_or_init(Mutex::default);
 }
 
-/// A line, as `println!` writes it.
+/// Prints a line.
 pub fn line(text: Arguments) {
     match TABLES.get() {
         Some(_) => tell!("{text}"),
@@ -27,14 +27,14 @@ pub fn line(text: Arguments) {
     }
 }
 
-/// A table, in Markdown unless JSON was asked for.
+/// Prints a table in Markdown, or keeps it for JSON.
 pub fn table(table: &Table) {
     if !keep(table) {
         write(format_args!("{}", table.markdown()));
     }
 }
 
-/// A table for JSON alone; whether that was asked for.
+/// Keeps a table for JSON; returns whether JSON was requested.
 pub fn keep(table: &Table) -> bool {
     let Some(tables) = TABLES.get() else { return false };
     tables.lock().unwrap_or_else(PoisonError::into_inner).insert(table.name.clone(), table.json());
@@ -45,17 +45,17 @@ pub fn tables(tables: &[Table]) {
     tables.iter().for_each(table);
 }
 
-/// Measures an experiment into a folder and shows its tables.
+/// Measures an experiment into a folder and prints its tables.
 pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let artifact = experiments::conduct(experiment, out)?;
     tables(&artifact.tables);
     Ok(artifact)
 }
 
-/// What all pages of this program have.
+/// Text that identifies pages of this program.
 const MARK: &str = "<meta name=\"generator\" content=\"NeRD in Rust\">";
 
-/// Refuses to replace a file that is no page of this program, before it is made.
+/// Refuses, before any work, to replace a file that is not a page of this program.
 pub fn page(path: &Path) -> Result<()> {
     Ok(replaceable(path, |bytes| bytes.windows(MARK.len()).take(1000).any(|at| at == MARK.as_bytes()))?)
 }
@@ -66,7 +66,7 @@ pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
     Ok(())
 }
 
-/// Writes the buffered output, and returns whether all lines were written or not wanted.
+/// Prints the kept tables. An error if output was lost, except to a closed pipe.
 pub fn finish() -> Result<()> {
     if let Some(tables) = TABLES.get() {
         write(format_args!("{:#}", serde_json::Value::Object(tables.lock().unwrap_or_else(PoisonError::into_inner).clone())));
@@ -78,7 +78,7 @@ pub fn finish() -> Result<()> {
 }
 
 fn write(text: Arguments) {
-    // Who closes a pipe has read enough.
+    // A closed pipe means that the reader has enough.
     if let Err(error) = writeln!(stdout().lock(), "{text}").and_then(|()| stdout().flush())
         && error.kind() != ErrorKind::BrokenPipe
     {

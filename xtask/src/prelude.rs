@@ -1,9 +1,9 @@
-//! What most verbs use.
+//! Common imports of the verbs.
 
 pub(crate) use std::path::PathBuf;
 
 pub(crate) use anyhow::{Result, bail};
-pub(crate) use nerd_lab::{choice::Choice, error::unused};
+pub(crate) use nerd_lab::error::unused;
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::{device::Device, shipped::results};
 

@@ -1,9 +1,9 @@
-//! The end of a failed command: one line, exit code 2.
+//! Error output: one line; exit code 2 for a command line that cannot be read, 1 for any other failure.
 
-/// Says it; the exit code.
-pub fn end(words: &str) -> u8 {
+/// Prints the error; returns the exit code.
+pub fn end(words: &str, code: u8) -> u8 {
     tell!("error: {words}");
-    2
+    code
 }
 
 /// clap's message without its usage.
@@ -13,7 +13,8 @@ pub fn usage(error: &clap::Error) -> String {
     words.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").into()
 }
 
-/// An error and its causes; many errors already name theirs. It may quote a whole file, whose middle is left out.
+/// An error with its causes, unless it already names them. The middle of a long text, such as a quoted file, is
+/// omitted.
 pub fn failure(error: &anyhow::Error) -> String {
     const MOST: usize = 2000;
     let words = error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });

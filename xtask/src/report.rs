@@ -1,4 +1,4 @@
-//! `cargo xtask report`: one HTML file with everything, for a browser.
+//! `cargo xtask report`: all results as one HTML file.
 
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
@@ -7,7 +7,7 @@ use crate::{options::FRAMES, out, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {
-    /// FILE to write
+    /// HTML file to write
     #[arg(long, value_name = "FILE", default_value = "out/report.html")]
     pub out: PathBuf,
     /// Frames of each replay

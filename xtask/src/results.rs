@@ -17,12 +17,13 @@ pub struct ResultsArgs {
 
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
-    /// End with an error unless every result holds, every shipped model is five times better than its base alone and a linear map, and
-    /// every document says what the results say
+    /// End with an error unless every result holds, every document agrees, and every shipped model beats its baselines.
+    /// The baselines, its base alone and a linear map, must err five times as much
     Check,
-    /// Make results again, by their commands in `results/manifest.toml`
+    /// Remake results by their commands in `results/manifest.toml`
     Make {
-        /// Which [default: all that do not hold, but for records]
+        /// Names of results [default: all that no longer hold, except records]
+        #[arg(value_name = "NAME")]
         names: Vec<String>,
     },
     /// Write the figures of the results into README and docs
@@ -76,7 +77,7 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
     }
 }
 
-/// Brings documents up to date, or says which are not.
+/// Updates the documents if `write_them`. Returns the discrepancies, by document.
 fn fill(reference: &str, write_them: bool) -> Result<Vec<String>> {
     let (mut marks, mut wrong) = (Marks::new(&results()), Vec::new());
     for path in documents(&root()) {
@@ -110,7 +111,7 @@ fn make(manifest: &Manifest, names: &[String]) -> Result<()> {
     let mut commands: Vec<&str> = Vec::new();
     for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
         let asked = names.contains(&entry.name) || (!entry.record && entry.status(&results()) != Status::Current);
-        // One command may make several.
+        // One command may make several results.
         if asked && !commands.contains(&entry.command.as_str()) {
             commands.push(&entry.command);
         }

@@ -1,5 +1,5 @@
-//! `cargo xtask rollout --robot pendulum --scene ground3 --preset converged --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes
-//! the files.
+//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated(substeps=128) --states FILE.csv --frames 100 --out
+//! OUT.csv`. [`TABLES`] describes the files.
 
 use nerd_sim::{
     files::replaceable,
@@ -8,40 +8,42 @@ use nerd_sim::{
 use nerd_train::bounds::{memory, time};
 use nerd_train::progress::bar;
 
-use crate::solvers::{SolverArgs, SolverName};
+use crate::solvers::SolverArgs;
 use crate::{options::FRAMES, prelude::*};
 
-/// What `--help` says of the files.
+/// Help text on the files.
 const TABLES: &str = "\
-FILE of --states has a header and one row for each trajectory and step:
-  traj, step    whole numbers; the row of step 0 is the trajectory's start
-  the state     the robot's coordinates, then its velocities (rad, m, rad/s, m/s), read at step 0 only: a floating root's
-                px py pz qx qy qz qw (unit quaternion), the joints by name, the root's twist wx wy wz vx_s vy_s vz_s about the
-                world's origin, the joints' rates d_JOINT; of cartpole x theta xdot thetadot, of pendulum q1 q2 qd1 qd2
-  torques       all of tau_JOINT (N m or N) or none, held from their row's step to the next; of cartpole tau_cart tau_pole, of
-                pendulum tau1 tau2; without them no torque acts
-Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint's name is taken, as `step` or `tau1` is), in
-any order; other columns are ignored.
-OUT has traj, step and the state, with all digits of an f64.";
+FILE of --states has a header and one row per trajectory and step, with these columns:
+  traj, step   whole numbers; the row of step 0 is the start of the trajectory
+  coordinates  of a floating root px py pz (m) and the unit quaternion qx qy qz qw; then a column JOINT for each joint (rad
+               or m); read at step 0 only
+  velocities   of a floating root the twist about the world's origin, wx wy wz vx_s vy_s vz_s (rad/s, m/s); then d_JOINT
+               for each joint (rad/s or m/s); read at step 0 only
+  torques      tau_JOINT (N m or N) for all joints or for none, constant from the row's step to the next; without them, the
+               torques are 0
+Cartpole has x theta xdot thetadot and tau_cart tau_pole, pendulum q1 q2 qd1 qd2 and tau1 tau2. The TOML of a robot may
+give other names. A joint whose name is taken (`step`, `tau1`) becomes q_NAME. The order of the columns is free, and other
+columns are ignored.
+FILE of --out has traj, step and the state, with all digits of an f64.";
 
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = TABLES)]
 pub struct RolloutArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
+    /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long)]
     pub robot: String,
-    /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+    /// Scene: free, plane, slope, box, steps, hills, or one of the robot's own (`list scenes` prints all)
     #[arg(long, default_value = "free")]
     pub scene: String,
     #[command(flatten)]
     pub solver: SolverArgs,
-    /// CSV with starts and torques, see below
+    /// CSV file of starts and torques, see below
     #[arg(long, value_name = "FILE")]
     pub states: PathBuf,
-    /// Frames to roll out [default: as many as the file has]
+    /// Frames to roll out [default: the largest step of the file]
     #[arg(long, value_parser = value::<usize>(Whole(FRAMES)))]
     pub frames: Option<usize>,
-    /// CSV to write
+    /// CSV file to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }
@@ -49,30 +51,31 @@ pub struct RolloutArgs {
 pub fn run(args: RolloutArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
-    let choice = args.solver.choose(&system)?;
+    let spec = args.solver.choose(&system)?;
     replaceable(&args.out, |table| written(table, &system)).map_err(|e| anyhow::anyhow!("--out: {e}"))?;
-    if args.solver.solver != Some(SolverName::Neural) {
+    if !args.solver.neural() {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }
-    let bytes = choice.bytes()?.saturating_add(1024 * system.robot.state_dim());
+    let bytes = nerd_lab::describe::bytes(&spec)?.saturating_add(1024 * system.robot.state_dim());
     let file = States::read(&args.states, &system)?;
     let steps = steps(&args, &file)?;
     let n = file.trajectories.len();
-    // The table is written whole, so it is kept until then: some 20 characters a number.
+    // The table is kept in memory until written: some 20 characters a number.
     memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
     memory(&[("trajectories", n)], bytes)?;
-    time(&[("trajectories", n), ("--frames", steps), ("substeps", choice.substeps())])?;
-    let mut solver = choice.build(&system, n)?;
+    time(&[("trajectories", n), ("--frames", steps), ("substeps", spec.substeps(&system))])?;
+    let mut solver = spec.solver(&system, n)?;
     let bar = bar("frames", steps as u64);
     let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
     bar.finish();
     nerd_lab::report::write(&args.out, &table)
 }
 
-/// Frames over all trajectories that a file may ask for by the number of its last step alone: it may be a slip.
+/// Most frames over all trajectories that a file may request by its last step number alone, which may be a typing
+/// error.
 const ASKED: usize = 100_000;
 
-/// Frames to roll out, for all of which the file has torques if it has any.
+/// Frames to roll out; if the file has torques, it must have them for every frame.
 fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
     let (steps, n) = (args.frames.unwrap_or_else(|| file.frames()), file.trajectories.len());

@@ -1,8 +1,8 @@
-//! SIGINT and SIGTERM: a run that keeps checkpoints ends with one, all else ends at once, as it does at the second.
+//! SIGINT and SIGTERM: a run with checkpoints ends with one. Anything else, and any second signal, ends at once.
 
 use nerd_train::stop;
 
-/// Heeds them from now on.
+/// Installs the handlers, once.
 #[cfg(unix)]
 pub fn heed() {
     static ONCE: std::sync::Once = std::sync::Once::new();
@@ -12,7 +12,7 @@ pub fn heed() {
 #[cfg(unix)]
 fn listen() {
     use signal_hook::consts::{SIGINT, SIGTERM};
-    // Without a thread for it they end the process as they always did.
+    // Without a thread the default handlers stay.
     let _ = std::thread::Builder::new().spawn(|| {
         let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) else { return };
         for signal in signals.forever() {
@@ -29,14 +29,14 @@ fn listen() {
 #[cfg(not(unix))]
 pub fn heed() {}
 
-/// The exit code of a command that was done, or that a signal ended.
+/// The exit code of a successful command, or of one stopped by a signal.
 pub fn ended() -> u8 {
     let Some(signal) = stop::asked() else { return 0 };
     tell!("{}: stopped with a checkpoint; the same command goes on from it", name(signal));
     code(signal)
 }
 
-/// The exit code of a process that a signal ended.
+/// The exit code of a process ended by a signal.
 pub fn code(signal: i32) -> u8 {
     128 + signal as u8
 }

@@ -1,92 +1,108 @@
-//! Options that name and configure a solver, and their valid combinations.
+//! Options that name and configure a solver.
 
-use anyhow::anyhow;
-use nerd_model::pick::Setting;
-use nerd_train::shipped;
+use nerd_train::spec::{Method, RapierSpec, SolverSpec};
 
 use crate::options::{MODELS, SUBSTEPS, TRUTHS};
 use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 pub struct SolverArgs {
-    /// Solver: articulated, rapier or neural [default: articulated]
-    #[arg(long, value_enum)]
-    pub solver: Option<SolverName>,
-    /// Settings of `articulated`: `accurate` (what models learn), `paper` (the reference simulator's, for robots NAME-paper) or
-    /// `converged` (as accurate as can be) [default: that of the robot's own truth]
-    #[arg(long, value_parser = ["accurate", "paper", "converged"])]
-    pub preset: Option<String>,
-    /// Substeps per frame, instead of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
-    /// nothing to touch), of `rapier` its iterations
+    /// Solver: articulated, rapier or neural, with settings in brackets. Examples: 'articulated(substeps=4,
+    /// method=euler)', 'rapier(steps=8, iterations=4, axes=world)', 'neural(models/ant, cuda)' [default: the robot's
+    /// truth]
+    #[arg(long, value_parser = spec)]
+    pub solver: Option<SolverSpec>,
+    /// Substeps per frame, as in 'articulated(substeps=N)'. For rapier: its steps per frame [default: as in --solver]
     #[arg(long, value_parser = value::<usize>(Whole(SUBSTEPS)))]
     pub substeps: Option<usize>,
-    /// Truth that the model of `neural` must have learned, and that `evaluate` compares a solver with [default: the
-    /// model's, else the robot's own]
+    /// Truth that the model of `neural` must have learned: articulated, paper or rapier. `evaluate` measures errors
+    /// from this solver [default: the model's, else the robot's]
     #[arg(long, value_parser = word::<Truth>(TRUTHS))]
     pub truth: Option<Truth>,
-    /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
+    /// Folder of the model of `neural`, as in 'neural(FOLDER)' [default: models/ROBOT, with --truth rapier
+    /// models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Where `neural` is computed [default: cpu]
+    /// Device of the solver, as in 'neural(FOLDER, cuda)': cpu, cuda (NVIDIA GPU) or cuda-f32 (NVIDIA GPU with f32
+    /// matrix products) [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
 }
 
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SolverName {
-    /// Our own articulated dynamics.
-    Articulated,
-    /// rapier's multibody joints.
-    Rapier,
-    /// A learned model.
-    Neural,
+/// For options.
+pub fn spec(text: &str) -> Result<SolverSpec, String> {
+    text.parse().map_err(|e: nerd_train::Error| e.to_string())
 }
 
 impl SolverArgs {
+    /// Whether the solver is a model.
+    pub fn neural(&self) -> bool {
+        matches!(self.solver, Some(SolverSpec::Neural(_)))
+    }
+
     /// The solver that the options name; refuses one that means nothing beside the others.
-    pub fn choose(&self, system: &System) -> Result<Choice> {
+    pub fn choose(&self, system: &System) -> Result<SolverSpec> {
         let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
-        let (preset, substeps) = (("--preset", self.preset.is_some()), ("--substeps", self.substeps.is_some()));
+        let substeps = ("--substeps", self.substeps.is_some());
         if let Some(truth) = self.truth {
-            truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--truth: {e}"))?;
+            truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow::anyhow!("--truth: {e}"))?;
         }
-        let solver = self.solver.unwrap_or(SolverName::Articulated);
-        if solver != SolverName::Neural {
-            unused(&[model, device], "without --solver neural")?;
+        let mut spec = self.solver.clone().unwrap_or_else(|| system.spec.truth.into());
+        match &mut spec {
+            SolverSpec::Articulated(own) => {
+                unused(&[model], "without --solver neural")?;
+                own.device = self.device(own.device)?;
+                own.substeps = self.steps(own.substeps)?.or(own.substeps);
+                if own.method == Method::Paper {
+                    Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow::anyhow!("method=paper: {e}"))?;
+                }
+            }
+            SolverSpec::Rapier(own) => {
+                unused(&[model, device], "without --solver neural")?;
+                let named = Some(own.steps).filter(|steps| *steps != RapierSpec::default().steps);
+                own.steps = self.steps(named)?.unwrap_or(own.steps);
+            }
+            SolverSpec::Neural(own) => {
+                unused(&[substeps], "with --solver neural; --truth says what its model must have learned")?;
+                own.device = self.device(own.device)?;
+                if own.folder.is_some() && self.model.is_some() {
+                    anyhow::bail!("--model: --solver names a folder, too; leave one out");
+                }
+                own.folder = self.model.clone().or(own.folder.take());
+                if let (None, Some(truth)) = (&own.folder, self.truth) {
+                    let folder = nerd_train::shipped::model(truth, &system.name);
+                    if !folder.exists() {
+                        anyhow::bail!(
+                            "no model of `{}` with this truth comes with the project ({}): name one with --model",
+                            system.name,
+                            folder.display()
+                        );
+                    }
+                    own.folder = Some(folder);
+                }
+            }
         }
-        Ok(match solver {
-            SolverName::Articulated => {
-                let own = if system.spec.truth == Truth::Paper { "paper" } else { "accurate" };
-                if self.preset.as_deref() == Some("paper") {
-                    Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--preset paper: {e}"))?;
-                }
-                let mut config = match self.preset.as_deref().unwrap_or(own) {
-                    "accurate" => ArticulatedConfig::accurate(system),
-                    "paper" => ArticulatedConfig::paper(system, Friction::Coulomb),
-                    _ => ArticulatedConfig::converged(Friction::Coulomb),
-                };
-                if let Some(n) = self.substeps {
-                    (config.substeps, config.contact_substeps) = (n, n);
-                }
-                Choice::Articulated(config)
-            }
-            SolverName::Rapier => {
-                unused(&[preset], "with --solver rapier: it sets `articulated`")?;
-                Choice::Setting(self.substeps.map_or(Setting::RapierSteps(RapierConfig::default().steps), Setting::Rapier))
-            }
-            SolverName::Neural => {
-                unused(&[substeps, preset], "with --solver neural; --truth says what its model must have learned")?;
-                let shipped = || shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name);
-                let folder = self.model.clone().unwrap_or_else(shipped);
-                if self.model.is_none() && !folder.exists() {
-                    anyhow::bail!(
-                        "no model of `{}` comes with the project ({}): train one, and name it with --model",
-                        system.name,
-                        folder.display()
-                    );
-                }
-                Choice::Neural { folder, truth: self.truth.map(Truth::name), device: self.device.unwrap_or_default() }
-            }
-        })
+        let spec = spec.found(system)?;
+        if let (Some(truth), Some(folder)) = (self.truth, spec.folder()) {
+            // Refuses a model of another one.
+            nerd_model::folder::Model::load(folder, &Arc::new(system.clone()), Some(&truth.name()))?;
+        }
+        Ok(spec)
+    }
+
+    /// The number of --substeps, unless the text names another.
+    fn steps(&self, named: Option<usize>) -> Result<Option<usize>> {
+        match (self.substeps, named) {
+            (Some(asked), Some(own)) if asked != own => anyhow::bail!("--substeps {asked}: --solver says {own}; leave one out"),
+            (asked, _) => Ok(asked),
+        }
+    }
+
+    /// The device of --device, or of the text.
+    fn device(&self, own: Device) -> Result<Device> {
+        match self.device {
+            Some(asked) if own != Device::Cpu && own != asked => anyhow::bail!("--device {asked}: --solver says {own}; leave one out"),
+            asked => Ok(asked.unwrap_or(own)),
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask stability`: where each method holds, bends and breaks. Failures are the point.
+//! `cargo xtask stability`: where each method passes, degrades and fails. Failures are the point.
 
 use nerd_lab::experiments::stability::Stability;
 
@@ -6,13 +6,17 @@ use crate::{options::DEVICES, out::conduct, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct StabilityArgs {
-    /// Rows whose name contains one of these words, comma-separated [default: all]
-    #[arg(long, value_delimiter = ',')]
+    /// Words, comma-separated, that select rows: those whose names contain one of them [default: all rows]
+    #[arg(long, value_name = "WORDS", value_delimiter = ',')]
     pub rows: Vec<String>,
-    /// The articulated solver on a GPU beside the CPU's, in place of all methods, written as stability-device
+    /// Device: cpu (all methods), or cuda (`articulated` on a GPU beside the CPU, written as stability-device)
+    /// [default: cpu]
     #[arg(long, value_parser = word::<Device>(DEVICES))]
     pub device: Option<Device>,
-    /// Folder of results [default: results]
+    /// Python that has MuJoCo. Runs the rows in MuJoCo beside rapier and `articulated`, written as stability-mujoco
+    #[arg(long, value_name = "PYTHON", conflicts_with = "device")]
+    pub mujoco: Option<PathBuf>,
+    /// Folder to write the result into [default: results]
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
@@ -24,6 +28,9 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         return conduct(&Stability::on_device(&args.rows)?, &out).map(drop);
         #[cfg(not(feature = "cuda"))]
         anyhow::bail!("--device cuda needs a build with `--features cuda`");
+    }
+    if let Some(python) = args.mujoco {
+        return conduct(&Stability::beside_mujoco(&args.rows, &python)?, &out).map(drop);
     }
     conduct(&Stability::new(&args.rows)?, &out).map(drop)
 }

@@ -1,4 +1,4 @@
-//! `cargo xtask train`: a run, or a recipe of several.
+//! `cargo xtask train`: a training run, or a recipe of several.
 
 use nerd_train::run::{Recipe, RunConfig};
 
@@ -6,13 +6,14 @@ use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// File of settings (TOML), whose keys are the options below; options override it
+    /// TOML file of settings, with the options below as keys. Options on the command line override it
     #[arg(conflicts_with = "recipe")]
     pub file: Option<PathBuf>,
-    /// Settings that come with the project: `paper` (E 192, 6 layers, batch 512: the defaults), `small` (E 48, 2 layers, batch
-    /// 128), `quick` (small, with later improvements), `urdf` (the same, longer, for your own robot), `chain` (for a cable on a gripper, rod by rod), `chain-large` (that, wider, for a graphics card), or those of a model in `models/`, which is
-    /// trained again, all of its runs (--updates and --transitions are then most that each has)
-    #[arg(long)]
+    /// Shipped settings. For any robot: `paper` (the defaults), `small` (width 48, 2 layers), `quick` (width 64, single
+    /// frames) or `urdf` (longer `quick`). For a cable on a gripper: `chain`, or `chain-large` for a GPU. The name of a
+    /// model in `models/` trains it again, in all of its runs. With several runs, --updates and --transitions are upper
+    /// bounds for each run [default: paper, unless FILE is given]
+    #[arg(long, value_name = "NAME", help_heading = "Run")]
     pub recipe: Option<String>,
     #[command(flatten)]
     pub keys: Keys<RunConfig>,

@@ -1,4 +1,5 @@
-//! Dynamics of a URDF with nerd-core alone: `cargo run --release --manifest-path examples/Cargo.toml -p core-only -- my.urdf`.
+//! Forward and inverse dynamics and gravity torques of a URDF, with nerd-core alone:
+//! `cargo run --release --manifest-path examples/Cargo.toml -p core-only -- my.urdf`.
 
 use nerd_core::prelude::*;
 

@@ -1,4 +1,5 @@
-//! A shipped model with nerd-model alone: `cargo run --release --manifest-path examples/Cargo.toml -p model-only -- models/pendulum`.
+//! Rollout of a shipped model with nerd-model alone:
+//! `cargo run --release --manifest-path examples/Cargo.toml -p model-only -- models/pendulum`.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! A task of one's own, from an outside crate to a trained policy in seconds:
+//! A hand-written task in an outside crate, trained to a policy in seconds:
 //! `cargo run --release --manifest-path examples/Cargo.toml -p own-task`.
 
 use std::collections::BTreeMap;
@@ -7,7 +7,8 @@ use std::path::Path;
 
 use nerd_train::nerd_sim::prelude::*;
 use nerd_train::nerd_sim::sampling::{Start, start};
-use nerd_train::nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work};
+use nerd_train::nerd_tasks::formula::{Number, Sight, Traced};
+use nerd_train::nerd_tasks::{About, ChaCha8Rng, Episodes, Plain, Task};
 use nerd_train::ppo::folder::{PolicyConfig, load_for, save};
 use nerd_train::ppo::{PpoConfig, Trainer, play};
 use nerd_train::replay;
@@ -19,24 +20,32 @@ impl Task for Balance {
     fn about(&self) -> About {
         About { name: "balance", robot: "cartpole", scene: "free", observation: 4, action: 1, steps: 200, frames: 1 }
     }
-    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
-        start(system, Start::Reset, rng).iter().map(|x| 0.03 * x).collect()
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
+        out.copy_from_slice(&[sight.q(0), sight.q(1), sight.qd(0), sight.qd(1)]);
     }
-    fn observe(&self, view: View, _: &mut Work, out: &mut [f64]) {
-        out.copy_from_slice(view.state);
+    fn act<'a>(&self, _: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+        torques[0] = 400.0 * action[0];
     }
-    fn act(&self, _: View, action: &[f64], _: &mut Work, torques: &mut [f64]) {
-        torques.copy_from_slice(&[400.0 * action[0], 0.0]);
+    fn reward<'a>(&self, sight: &Sight<'a>, _: &[Traced<'a>]) -> Traced<'a> {
+        1.0 - sight.q(0).squared() - sight.q(1).squared()
     }
-    fn reward(&self, view: View, _: &[f64], _: &mut Work) -> f64 {
-        1.0 - view.state[0].powi(2) - view.state[1].powi(2)
+    fn terminated<'a>(&self, sight: &Sight<'a>) -> Traced<'a> {
+        let [far, low] = [(sight.q(0), 2.0), (sight.q(1), 0.5)].map(|(x, most)| Traced::from(most).below(x.abs()));
+        far.or(low)
     }
-    fn terminated(&self, view: View, _: &mut Work) -> bool {
-        view.state[0].abs() > 2.0 || view.state[1].abs() > 0.5
+    fn plain(&self) -> Option<&dyn Plain> {
+        Some(self)
     }
 }
 
-/// So many episodes, on the analytic solver; any other would do.
+/// Starts near the upright pose, in plain code.
+impl Plain for Balance {
+    fn reset(&self, system: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
+        start(system, Start::Reset, rng).iter().map(|x| 0.03 * x).collect()
+    }
+}
+
+/// `count` episodes on the analytic solver; any other solver would do.
 fn episodes(count: usize, seed: u64) -> Result<Episodes, Box<dyn Error>> {
     let system = System::named(Balance.robot())?;
     let batch = Batch::new(&system, &system.scene(Balance.scene())?, count);

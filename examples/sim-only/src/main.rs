@@ -1,16 +1,17 @@
-//! Somebody's own solver in the stability suite:
+//! A hand-written solver in the stability suite:
 //! `cargo run --release --manifest-path examples/Cargo.toml -p sim-only`, or with words of rows behind `--`.
 //!
-//! It is semi-implicit Euler over nerd-core's articulated-body algorithm, without contact, joint limits or damping. What flies
-//! or swings comes out right to first order; whatever touches something falls through it. The suite says which is which.
+//! The solver is semi-implicit Euler over nerd-core's articulated-body algorithm, without contact, joint limits or
+//! damping. Flight and swinging come out right to first order; bodies fall through whatever they touch. The suite shows
+//! both.
 
 use std::sync::Arc;
 
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};
-use nerd_sim::suite::{Method, Suite};
+use nerd_suite::{Method, Suite};
 
-/// So many equal substeps a frame.
+/// The number of equal substeps a frame.
 struct Euler(usize);
 
 impl Solver for Euler {

@@ -1,21 +1,22 @@
-//! Gradients of the sweeps along the tree, from the leaves to the root.
+//! Adjoints of RNEA and of kinetic energy: gradients by sweeps from the leaves to the root.
 //!
-//! A motion of links is `X_i = X_p + S_i x_i`: a twist, an acceleration without velocities, a virtual motion. The gradient with respect to
-//! it is a wrench, which is added to the link above. Where links are displaced by motions `D_i` about the common origin, an axis moves with
-//! its link, `dS_i = D_i x S_i`, and so does an inertia, `dI = D x* I - I D x`. The gradient with respect to `D_i` is a load. A floating
-//! root's own coordinates are in fixed axes, which do not rotate with it, about its own origin, which they follow. So only the moment of
-//! its load is a gradient: the one with respect to its rotation (world axes).
+//! Link motions obey `X_i = X_p + S_i x_i`, for twists, for accelerations without velocity terms and for virtual
+//! motions. The gradient with respect to `X_i` is a wrench and is added to the parent's. `D_i` are displacements of
+//! links about the common origin. Axis and inertia move with their link: `dS_i = D_i x S_i`, `dI = D x* I - I D x`. The
+//! gradient with respect to `D_i` is a load. The coordinates of a floating root are about its moving position and in
+//! axes that do not rotate with it. So only the moment of its load is a gradient: with respect to its rotation (world
+//! axes).
 
 use crate::prelude::*;
 
-/// Wrench with which the damping of a free root at `x` resists a twist.
+/// Damping wrench on a floating root at `x` with twist `v`.
 #[inline]
 pub(super) fn drag(robot: &Robot, v: &Motion, x: &Vector3<f64>) -> Wrench {
     let d = robot.free.damping;
     Wrench::force_at(v.at(x) * d, x) + Wrench::new(v.ang * d, Vector3::zeros())
 }
 
-/// Motions `J_i x` of all links at rates `x` of the DoFs (length `nv`). Needs `kinematics`.
+/// Link motions `J_i x` into `out[link]`, for DoF rates `rates[nv]`. Needs `kinematics`.
 #[inline]
 pub fn motions(robot: &Robot, rates: &[f64], data: &Data, out: &mut [Motion]) {
     for (i, link) in robot.links.iter().enumerate() {
@@ -27,7 +28,8 @@ pub fn motions(robot: &Robot, rates: &[f64], data: &Data, out: &mut [Motion]) {
     }
 }
 
-/// Adds `J^T` times the wrenches on links (about the common origin) to `out`. Each link's wrench becomes the sum over its subtree.
+/// Adds `sum_i J_i^T w_i` to `out[nv]`, with `wrenches[link]` about the common origin. On return each wrench is the sum
+/// over its subtree.
 pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]) {
     for (i, link) in robot.links.iter().enumerate().rev() {
         let wrench = wrenches[i];
@@ -41,7 +43,8 @@ pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]
     }
 }
 
-/// Adjoint of [`motions`]: adds gradients with respect to the rates to `out`, and with respect to displacements of links to `loads`.
+/// Adjoint of [`motions`]: adds the gradient with respect to the rates to `out[nv]`, and with respect to link
+/// displacements to `loads[link]`. `by[link]` are the gradients with respect to the motions; they end as subtree sums.
 pub fn motions_back(robot: &Robot, data: &Data, rates: &[f64], by: &mut [Wrench], loads: &mut [Wrench], out: &mut [f64]) {
     onto(robot, data, by, out);
     for (i, _) in robot.links.iter().enumerate().filter(|(_, link)| link.joint.is_some()) {
@@ -49,26 +52,26 @@ pub fn motions_back(robot: &Robot, data: &Data, rates: &[f64], by: &mut [Wrench]
     }
 }
 
-/// Position and value of a link's gravity-compensated mass, if it has any.
+/// Position (from the common origin) and value of a link's gravity-compensated mass, if nonzero.
 fn lifted(robot: &Robot, data: &Data, link: usize) -> Option<(Vector3<f64>, f64)> {
     let own = &robot.links[link].lifted;
     (own.mass != 0.0).then(|| (data.position[link] + data.rotation[link] * own.at, own.mass))
 }
 
-/// Working memory for gradients of inverse dynamics, `tau . virtual rates`, and of other functions of the same motions.
+/// Working memory for gradients of inverse dynamics, `tau . virtual rates`, and of other functions of the link motions.
 #[derive(Clone, Debug)]
 pub struct Adjoint {
-    /// Motions of links at the virtual rates.
+    /// Link motions at the virtual rates.
     pub virtuals: Vec<Motion>,
-    /// Accelerations of links caused by `qdd`.
+    /// Link accelerations caused by `qdd`.
     pub quickened: Vec<Motion>,
     /// Gradients with respect to `virtuals`.
     pub by_virtual: Vec<Wrench>,
-    /// With respect to `quickened`.
+    /// Gradients with respect to `quickened`.
     pub by_quickened: Vec<Wrench>,
-    /// With respect to twists, `data.velocity`.
+    /// Gradients with respect to twists, `data.velocity`.
     pub by_velocity: Vec<Wrench>,
-    /// With respect to accelerations at zero `qdd`, `data.acceleration` of `bias`.
+    /// Gradients with respect to accelerations at zero `qdd`, `data.acceleration` after `bias`.
     pub by_acceleration: Vec<Wrench>,
     unused: Vec<f64>,
 }
@@ -89,8 +92,9 @@ impl Adjoint {
         }
     }
 
-    /// Begins with `-virtual . RNEA(q, qd, qdd)` and adds its gradients with respect to displacements to `loads`. Needs `inertias`, and
-    /// [`super::bias`] at the twists' rates under `gravity`. External wrenches and armatures are the caller's.
+    /// Starts the adjoint of `-virtual . RNEA(q, qd, qdd)` and adds its gradient with respect to displacements to
+    /// `loads[link]`. Needs `inertias` and [`super::bias`] under the same `gravity`. The caller adds external wrenches
+    /// and armature.
     ///
     /// With `F = I a + v x* I v` of a link, L its virtual motion and `Y = v x L`, `-L . F = Y . I v - L . I a`.
     pub fn begin(
@@ -113,7 +117,7 @@ impl Adjoint {
             self.by_velocity[i] = l.cross_wrench(&of_v) + of_y;
             *load += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
             if let Some((x, mass)) = lifted(robot, data, i) {
-                // The position moves with the link; the weight does not rotate.
+                // The compensated point moves with the link; the direction of its weight stays.
                 let weight = gravity * mass;
                 self.by_virtual[i] = self.by_virtual[i] - Wrench::force_at(weight, &x);
                 *load += Wrench::force_at(l.ang.cross(&weight), &x);
@@ -123,13 +127,13 @@ impl Adjoint {
             let (v, l, x) = (&data.velocity[0], &self.virtuals[0], &data.position[0]);
             self.by_virtual[0] = self.by_virtual[0] - drag(robot, v, x);
             self.by_velocity[0] = self.by_velocity[0] - drag(robot, l, x);
-            // Its place moves where the origin is elsewhere.
+            // The damping acts at the root's position, which moves relative to the common origin.
             loads[0] = loads[0] - Wrench::force_at((v.at(x).cross(&l.ang) + l.at(x).cross(&v.ang)) * robot.free.damping, x);
         }
     }
 
-    /// Ends: adds the gradients with respect to the twists' rates `qd` to `out`, and with respect to displacements to `loads`. Returns the
-    /// gradient with respect to the acceleration of the base, which is `-gravity`.
+    /// Ends the adjoint: adds the gradient with respect to `qd` to `out[nv]`, and with respect to displacements to
+    /// `loads[link]`. Returns the gradient with respect to the acceleration of the base, which is `-gravity`.
     pub fn end(
         &mut self,
         robot: &Robot,
@@ -142,7 +146,7 @@ impl Adjoint {
         motions_back(robot, data, qdd, &mut self.by_quickened, loads, &mut self.unused);
         let lift = (0..robot.links.len()).filter_map(|i| lifted(robot, data, i).map(|(x, mass)| self.virtuals[i].at(&x) * mass));
         let mut base: Vector3<f64> = lift.sum();
-        // A_i = A_p + V_i x S_i qd_i
+        // Adjoint of A_i = A_p + V_i x S_i qd_i.
         for (i, link) in robot.links.iter().enumerate().rev() {
             let by = self.by_acceleration[i];
             if link.joint.is_some() {
@@ -161,9 +165,9 @@ impl Adjoint {
         base
     }
 
-    /// Adds to `loads` the gradient of `scale` times twice the kinetic energy, `x^T M x`, with respect to displacements, at the rates of
-    /// `self.virtuals`. It begins `by_virtual`, to which the caller adds the gradients of other functions of the motions, and ends with
-    /// [`Self::end_energy`].
+    /// Starts the adjoint of `scale` times twice the kinetic energy, `x^T M x` at rates x: adds its gradient with
+    /// respect to displacements to `loads[link]` and sets `by_virtual`. The caller adds the gradients of other
+    /// functions of the motions to `by_virtual`, then calls [`Self::end_energy`].
     pub fn begin_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], scale: f64, loads: &mut [Wrench]) {
         motions(robot, rates, data, &mut self.virtuals);
         for (i, load) in loads.iter_mut().enumerate() {
@@ -173,7 +177,7 @@ impl Adjoint {
         }
     }
 
-    /// See [`Self::begin_energy`].
+    /// Ends what [`Self::begin_energy`] started: adds the gradient with respect to displacements to `loads[link]`.
     pub fn end_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], loads: &mut [Wrench]) {
         motions_back(robot, data, rates, &mut self.by_virtual, loads, &mut self.unused);
     }

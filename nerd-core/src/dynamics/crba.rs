@@ -1,13 +1,13 @@
-//! The mass matrix.
+//! The composite-rigid-body algorithm (CRBA): the mass matrix.
 
 use super::{Data, inertias};
 use crate::robot::Robot;
 
-/// Mass matrix into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.
+/// Mass matrix (`nv` by `nv`) into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.
 ///
-/// Composite rigid bodies: `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the inertia of a subtree,
-/// plus each joint's armature on the diagonal. Joints that follow one share its row and column, in which all their entries add up:
-/// `G^T M G` with `G` the matrix that makes all joints' rates of the coordinates'.
+/// `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the composite inertia of a subtree. Each joint's
+/// armature adds to the diagonal. Mimic joints add to the row and column of their coordinate: `G^T M G`, where G maps
+/// the rates of the coordinates to the rates of all joints.
 pub fn crba(robot: &Robot, data: &mut Data) {
     let first = usize::from(robot.floating());
     data.mass.as_mut_slice().fill(0.0);
@@ -46,6 +46,6 @@ pub fn crba(robot: &Robot, data: &mut Data) {
 #[inline]
 fn add(data: &mut Data, i: usize, j: usize, value: f64) {
     data.mass[(i, j)] += value;
-    // On the diagonal, of a joint that follows one above it, both triangles meet.
+    // For a mimic joint and an ancestor of the same coordinate, both triangles add to the diagonal.
     data.mass[(j, i)] += value;
 }

@@ -1,12 +1,12 @@
-//! Working memory of the algorithms for one robot.
+//! Working memory of the dynamics algorithms for one robot.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::tree::Inverse;
 use crate::prelude::*;
 
-/// Working memory for one robot, made once. Its methods are correct for the coordinates they are given, whatever was called before.
-/// References they return are overwritten by the next call; methods that return references do not allocate:
+/// Working memory for one robot, made once. Results depend on the arguments and `external` alone, not on earlier calls.
+/// The next call overwrites the references returned. Methods that return references do not allocate:
 ///
 /// ```
 /// # use nerd_core::{nalgebra::Vector3, prelude::*};
@@ -18,10 +18,10 @@ use crate::prelude::*;
 /// # Ok::<(), UrdfError>(())
 /// ```
 ///
-/// Fields are the stages' own: a solver of this workspace that calls them one by one reads them.
+/// The public fields hold the stages' results, for solvers of this workspace that call the stages themselves.
 #[derive(Clone, Debug)]
 pub struct Data {
-    /// Where the common origin is in the world (m): at the root, unless [`super::kinematics_about`] put it elsewhere.
+    /// World position of the common origin (m): the root's, unless [`super::kinematics_about`] chose another.
     #[doc(hidden)]
     pub origin: Vector3<f64>,
     /// Index in `qd` of each link's joint, see [`Robot::dofs`].
@@ -30,44 +30,45 @@ pub struct Data {
     /// Rotation of each link frame, link to world.
     #[doc(hidden)]
     pub rotation: Vec<Matrix3<f64>>,
-    /// Place of each link frame from the common origin (world axes, m).
+    /// Position of each link frame from the common origin (world axes, m).
     #[doc(hidden)]
     pub position: Vec<Vector3<f64>>,
-    /// Motion of each link per unit of its coordinate's rate: the joint's axis, for one that follows times its multiplier; unused for a
-    /// floating root.
+    /// Joint axis `S` of each link: its motion per unit rate of its coordinate, times the multiplier of a mimic joint.
+    /// Unused for a floating root.
     #[doc(hidden)]
     pub axis: Vec<Motion>,
     /// Inertia of each link about the common origin; filled by `crba`, `aba` or `inertias`.
     #[doc(hidden)]
     pub inertia: Vec<SpatialInertia>,
-    /// For each link, the link whose inertia moves in its place in the mass matrix (not in the bias). Empty, as physics has it, but for
-    /// comparison with a simulator that pairs them wrongly.
+    /// For each link, the link whose inertia CRBA uses in its place (the bias keeps the true one). Empty for correct
+    /// physics; set only for comparison with a simulator that pairs links and inertias wrongly.
     #[doc(hidden)]
     pub stand_ins: Vec<usize>,
     /// Twist of each link.
     #[doc(hidden)]
     pub velocity: Vec<Motion>,
-    /// External wrench on each link about the common origin; the caller's to set and to clear.
+    /// External wrench on each link about the common origin. The caller sets and clears it.
     #[doc(hidden)]
     pub external: Vec<Wrench>,
-    /// Mass matrix, `nv` by `nv`, filled on both sides by `crba`.
+    /// Mass matrix, `nv` by `nv`, both triangles filled by `crba`.
     #[doc(hidden)]
     pub mass: DMatrix<f64>,
     /// Bias or inverse-dynamics torques, `nv`.
     #[doc(hidden)]
     pub tau: DVector<f64>,
-    /// Accelerations, `nv`.
+    /// Accelerations `qdd`, `nv`.
     #[doc(hidden)]
     pub qdd: DVector<f64>,
-    /// A Jacobian, 6 by `nv`, and its rate.
+    /// Jacobian of a frame, 6 by `nv`, and its time derivative.
     pub(super) jacobian: DMatrix<f64>,
     pub(super) rate: DMatrix<f64>,
-    /// Spatial acceleration of each link, with gravity as an upward one of the base; filled by `bias` and `rnea`.
+    /// Spatial acceleration of each link, gravity included as an upward acceleration of the base. Filled by `bias` and
+    /// `rnea`.
     #[doc(hidden)]
     pub acceleration: Vec<Motion>,
     pub(super) force: Vec<Wrench>,
     pub(super) composite: Vec<SpatialInertia>,
-    /// For [`super::aba`], which makes it at its first call, takes it out and puts it back.
+    /// Factorisation of [`super::aba`], made at its first call.
     pub(super) inverse: Option<Box<Inverse>>,
 }
 

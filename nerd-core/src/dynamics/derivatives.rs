@@ -1,21 +1,21 @@
-//! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
-//! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
+//! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical
+//! Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
 
 use nalgebra::{DMatrix, Matrix6};
 
 use super::{Factor, crba, rnea};
 use crate::{prelude::*, spatial::blocks};
 
-/// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
+/// Derivatives of a vector of length `nv` with respect to q and qd, each `nv` by `nv`.
 ///
-/// A column of `q` is the derivative along a tangent with the layout of a rate: rotation of a floating root about a world axis (rad), its
-/// translation along one (m), then the joints. Held constant are the numbers of `qd`, and of `qdd` or `tau`, in the local form (see
-/// [`super::to_local`]).
+/// Columns of `q` are tangent directions in the order of `qd`: rotation of a floating root about a world axis (rad),
+/// its translation along one (m), then the joints. The numbers of `qd`, and of `qdd` or `tau`, are held constant in the
+/// local form (see [`super::to_local`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
-    /// With respect to the coordinates.
+    /// With respect to q.
     pub q: DMatrix<f64>,
-    /// With respect to the rates.
+    /// With respect to qd.
     pub qd: DMatrix<f64>,
 }
 
@@ -23,22 +23,22 @@ struct Column {
     dof: usize,
     link: usize,
     axis: Motion,
-    /// `v_p x S` and `a_p x S + v_p x (v_p x S)`, with p the link above.
+    /// `S' = v_p x S` and `S'' = a_p x S + v_p x S'`, with p the parent link.
     first: Motion,
     second: Motion,
 }
 
 impl Derivatives {
-    /// Derivatives of zeros for `robot`.
+    /// Zero derivatives for `robot`.
     pub fn new(robot: &Robot) -> Self {
         let nv = robot.nv();
         Self { q: DMatrix::zeros(nv, nv), qd: DMatrix::zeros(nv, nv) }
     }
 
-    /// Derivatives of inverse dynamics: `tau` with respect to q and qd, at fixed `qdd`. Needs `kinematics`; fills `data.tau` and
-    /// `data.mass`. External wrenches are held constant.
+    /// Derivatives of inverse dynamics: `tau` with respect to q and qd, at fixed `qdd`. Needs `kinematics`; fills
+    /// `data.tau` and `data.mass`. External wrenches are held constant.
     ///
-    /// With the twists `v`, accelerations `a` (gravity included), forces f and composite inertias `I`, `B` of subtrees,
+    /// With twists `v`, accelerations `a` (gravity included), and f, `I`, `B` the subtree sums of forces, inertias and
     /// `B = 1/2 (v x* I - I v x + (I v) x*)`, and `S' = v_p x S`, `S'' = a_p x S + v_p x S'`:
     ///
     /// ```text
@@ -47,11 +47,11 @@ impl Derivatives {
     /// d tau_i / d qd_j = S_i . 2 (B S_j + I S_j')                   B and I of the lower one
     /// ```
     ///
-    /// The gravity-compensated mass of a link feels `a` without gravity: its share of I sees `S'' + g x S` in place of `S''`. A free root's
-    /// damping adds its matrix to the root's `d tau / d qd`.
+    /// The gravity-compensated mass of a link feels `a` without gravity: its share of I sees `S'' + g x S` in place of
+    /// `S''`. A floating root's damping adds its matrix to the root's block of `d tau / d qd`.
     ///
-    /// Nothing in a robot depends on the root's position. Rotating a floating root equals rotating rates, accelerations and gravity the
-    /// other way.
+    /// The dynamics do not depend on the root's position. Rotating a floating root equals the inverse rotation of its
+    /// velocities, accelerations and gravity.
     pub fn inverse(&mut self, robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
         crba(robot, data);
         rnea(robot, qd, qdd, gravity, data);
@@ -59,7 +59,7 @@ impl Derivatives {
         let n = robot.links.len();
         let base = Motion::new(Vector3::zeros(), -gravity);
         let rise = Motion::new(Vector3::zeros(), *gravity);
-        // Composites from the leaves to the root.
+        // Composite inertias, B and forces, from the leaves to the root.
         let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
         let point = |i: usize| {
             let PointMass { mass, at } = robot.links[i].lifted;
@@ -93,12 +93,12 @@ impl Derivatives {
         };
         let root = |k: usize| {
             let axis = Motion::unit(k);
-            // Its acceleration is given in fixed axes, which do not turn with it: half of v x S.
+            // The root's rates are along fixed world axes, which do not rotate with it: half of v x S.
             Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
         };
         let first = usize::from(robot.floating());
         let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
-        // A floating root has six columns, a joint one.
+        // Offset between link index and column index: a floating root has six columns, a joint one.
         let lead = roots.len() - first;
         let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
         self.q.fill(0.0);
@@ -112,11 +112,9 @@ impl Derivatives {
                 + low.axis.cross_wrench(&force[i]).vector();
             let raised = lifted[i] * own;
             let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
-            // Every column of a joint that carries this one, itself included.
-            let above = std::iter::successors(Some(i), |link| robot.links[*link].parent);
-            for up in
-                above.flat_map(|link| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] })
-            {
+            // Every column of this joint and its ancestors.
+            let of = |link: usize| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] };
+            for up in robot.ancestors(i).flat_map(of) {
                 let (si, sj) = (low.dof, up.dof);
                 self.q[(si, sj)] +=
                     turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) + raised.dot(&rise.cross(&up.axis).vector())
@@ -139,7 +137,8 @@ impl Derivatives {
         data.external = external;
     }
 
-    /// Columns of a floating root: rotating it equals rotating rates, accelerations and gravity the other way, and the root's wrench back.
+    /// Columns of a floating root's rotation: the inverse rotation of rates, accelerations and gravity, and the
+    /// rotation of the root's wrench.
     #[allow(clippy::too_many_arguments)]
     fn turn_root(
         &mut self,
@@ -177,9 +176,10 @@ impl Derivatives {
         }
     }
 
-    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`, as `-M^-1` times the derivatives of inverse
-    /// dynamics at `qdd`. Needs `kinematics` and the accelerations `qdd`, for example `aba`'s; `d qdd / d tau` is `M^-1`. `false` if the
-    /// mass matrix is not positive definite; then nothing is written.
+    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`, as `-M^-1` times the
+    /// derivatives of inverse dynamics at `qdd`. Needs `kinematics` and the accelerations `qdd`, for example from
+    /// `aba`; `d qdd / d tau` is `M^-1`. Returns `false` if the mass matrix is not positive definite; the derivatives
+    /// are then invalid.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(
         &mut self,
@@ -204,12 +204,12 @@ impl Derivatives {
     }
 }
 
-/// `B = 1/2 (v x* I - I v x + (I v) x*)`, with `(f x*) m = m x* f`.
+/// `B = 1/2 (v x* I - I v x + (I v) x*)`, where `(f x*) m = m x* f`.
 fn b_matrix(inertia: &SpatialInertia, matrix: &Matrix6<f64>, v: &Motion) -> Matrix6<f64> {
     let h = inertia.apply(v);
     let (w, l) = (v.ang.cross_matrix(), v.lin.cross_matrix());
     let motion = blocks(&w, &Matrix3::zeros(), &l, &w);
-    // v x* is minus the transpose of v x.
+    // The matrix of v x* is minus the transpose of the matrix of v x.
     let carried = blocks(&-h.ang.cross_matrix(), &-h.lin.cross_matrix(), &-h.lin.cross_matrix(), &Matrix3::zeros());
     (-motion.transpose() * matrix - matrix * motion + carried) * 0.5
 }

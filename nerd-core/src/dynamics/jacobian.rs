@@ -1,4 +1,4 @@
-//! Jacobians of frames and of the centre of mass; a frame's pose and velocity, along the chain of links that carries it.
+//! Jacobians of frames and of the centre of mass; pose and velocity of one frame from its ancestor joints alone.
 
 use nalgebra::{DMatrix, Rotation3};
 
@@ -6,27 +6,27 @@ use super::kinematics::{hung, root_rotation};
 use super::velocities;
 use crate::{prelude::*, velocity::root_position};
 
-/// The axes in which a Jacobian gives velocities of a frame's origin.
+/// The axes in which a Jacobian expresses velocities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// The world's axes (Pinocchio's `LOCAL_WORLD_ALIGNED`).
+    /// World axes at the frame's origin (Pinocchio's `LOCAL_WORLD_ALIGNED`).
     World,
-    /// The frame's own axes (Pinocchio's `LOCAL`).
+    /// The frame's axes (Pinocchio's `LOCAL`).
     Local,
 }
 
 impl Data {
-    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: its angular velocity (rad/s) and the velocity of its origin (m/s) are `J qd`.
-    /// Zero for a frame on a fixed base.
+    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: `J qd` is its angular velocity (rad/s) and the velocity of
+    /// its origin (m/s), `qd` in the local form. Zero for a frame on a fixed base.
     ///
-    /// Column of DoF k: the axis of its joint as a motion, at the frame's place `x`: `(w, v + w x x)`; zero for joints that do not carry
-    /// the link.
+    /// Column of DoF k: the joint axis `(w, v)` as a motion at the frame's origin `x`, `(w, v + w x x)`. Zero for
+    /// joints that are not ancestors of the frame.
     pub fn jacobian(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame, axes: Axes) -> &DMatrix<f64> {
         self.place(robot, q);
         self.jacobian.fill(0.0);
         if let Some(link) = frame.link {
             let x = self.position[link] + self.rotation[link] * frame.pose.translation.vector;
-            for i in above(robot, link) {
+            for i in robot.ancestors(link) {
                 match robot.links[i].joint {
                     Some(_) => add(&mut self.jacobian, self.dof[i], &self.axis[i], &x),
                     None => (0..6).for_each(|k| add(&mut self.jacobian, k, &Motion::unit(k), &x)),
@@ -45,10 +45,11 @@ impl Data {
         &self.jacobian
     }
 
-    /// Time derivative of that Jacobian while the robot moves at `qd`: the frame's acceleration is `J qdd + J_dot qd`.
+    /// Time derivative of `Data::jacobian` at velocity `qd`: the frame's acceleration is `J qdd + J_dot qd`.
     ///
-    /// An axis moves with the link that carries it, `S_dot = V x S`, and the frame's origin with its own velocity. The rate of a column
-    /// `(w, v + w x x)` is `(w_dot, v_dot + w_dot x x + w x x_dot)`. The axes of a floating root rotate about its origin, which moves.
+    /// A joint axis moves with the link that carries it, `S_dot = V x S`, and the frame's origin moves at `x_dot`. The
+    /// rate of a column `(w, v + w x x)` is `(w_dot, v_dot + w_dot x x + w x x_dot)`. The axes of a floating root are
+    /// fixed in direction and move with its origin.
     pub fn jacobian_rate(
         &mut self,
         robot: &Robot,
@@ -63,7 +64,7 @@ impl Data {
         let x = self.position[link] + self.rotation[link] * frame.pose.translation.vector;
         let speed = self.velocity[link].at(&x);
         self.rate.fill(0.0);
-        for i in above(robot, link) {
+        for i in robot.ancestors(link) {
             let carrier = robot.links[i].parent.map_or(Motion::default(), |p| self.velocity[p]);
             match robot.links[i].joint {
                 Some(_) => {
@@ -78,7 +79,7 @@ impl Data {
             }
         }
         if axes == Axes::Local {
-            // Of R^T J: R^T J_dot - (R^T w) x R^T J.
+            // The time derivative of R^T J is R^T J_dot - (R^T w) x R^T J.
             let back = self.back(frame);
             let spin = back * self.velocity[link].ang;
             for (mut column, own) in self.rate.column_iter_mut().zip(self.jacobian.column_iter()) {
@@ -91,10 +92,11 @@ impl Data {
         &self.rate
     }
 
-    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`. Both are NaN for a robot
-    /// without mass.
+    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: `J qd` is its velocity (m/s, world axes). Both are
+    /// NaN for a robot without mass.
     ///
-    /// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of the subtree it moves, of mass `m_k`.
+    /// Column of DoF k: `m_k / m` times the velocity of its subtree's centre of mass per unit rate, with `m_k` the
+    /// subtree's mass.
     pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
         self.place(robot, q);
         let n = robot.links.len();
@@ -123,19 +125,14 @@ impl Data {
         (self.origin + moment / mass, out)
     }
 
-    /// Rotation from the world's axes into a frame's, after kinematics.
+    /// Rotation from world axes to a frame's axes. Needs `kinematics`.
     fn back(&self, frame: &FixedFrame) -> Matrix3<f64> {
         let link = frame.link.map_or(Matrix3::identity(), |link| self.rotation[link]);
         (link * frame.pose.rotation.to_rotation_matrix().matrix()).transpose()
     }
 }
 
-/// A link and its ancestors, up to the root.
-fn above(robot: &Robot, link: usize) -> impl Iterator<Item = usize> {
-    std::iter::successors(Some(link), |i| robot.links[*i].parent)
-}
-
-/// Adds a motion to column k, its linear part taken at `x`.
+/// Adds `motion`, its linear part at `x`, to column k.
 fn add(out: &mut DMatrix<f64>, k: usize, motion: &Motion, x: &Vector3<f64>) {
     let v = motion.at(x);
     for r in 0..3 {
@@ -166,7 +163,8 @@ impl Robot {
         Motion::new(twist.ang, twist.at(&(position + rotation * frame.pose.translation.vector)))
     }
 
-    /// Rotation, position and twist of a link, from and about the root.
+    /// Rotation, position (m, from the root) and twist (about the root) of a link, in world axes. The twist is zero
+    /// without `qd`.
     fn carried(&self, q: &[f64], qd: Option<&[f64]>, link: usize) -> (Matrix3<f64>, Vector3<f64>, Motion) {
         let Some(joint) = &self.links[link].joint else {
             return (root_rotation(self, q), Vector3::zeros(), qd.map_or(Motion::default(), Motion::from_slice));
@@ -183,7 +181,7 @@ impl Robot {
         (rotation, position, qd.map_or(twist, |qd| twist + axis * qd[self.root_dofs() + coordinate]))
     }
 
-    /// The index, among the joints that move by themselves, of the joint that carries a link.
+    /// Index of a link's joint among the independent joints (mimic joints not counted).
     fn coordinate(&self, link: usize) -> usize {
         let first = usize::from(self.floating());
         if !self.mimics() {

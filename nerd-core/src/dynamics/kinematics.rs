@@ -1,16 +1,17 @@
-//! Forward kinematics: link frames, joint axes and, for those who need them, inertias about the root, from `q`.
+//! Forward kinematics: link frames and joint axes from `q`; spatial inertias of the links.
 
 use nalgebra::{Rotation3, Translation3};
 
 use crate::{prelude::*, velocity::root_position};
 
-/// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), from an origin at the root.
+/// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), with the common origin at
+/// the root.
 #[inline]
 pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     kinematics_about(robot, q, &root_position(robot, q), data);
 }
 
-/// The same about an origin at `origin` in the world.
+/// [`kinematics`] with the common origin at `origin` (world, m).
 #[inline]
 pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &mut Data) {
     data.origin = *origin;
@@ -38,7 +39,8 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
     }
 }
 
-/// Rotation and position of a link from its parent's; writes the motion of its joint per unit rate of its coordinate to `motion`.
+/// Rotation and position of a link from its parent's. Writes the joint axis per unit rate of its coordinate to
+/// `motion`.
 #[inline(always)]
 pub(super) fn hung(
     joint: &Joint,
@@ -56,7 +58,7 @@ pub(super) fn hung(
             parent * (turn[0] + turn[1] * sin + turn[2] * cos)
         }
     };
-    // Rotation about an axis leaves the axis as it is.
+    // The rotation by q about the axis leaves the axis unchanged.
     let axis = rotation * joint.axis().into_inner();
     *motion = match joint.kind {
         JointKind::Prismatic => {
@@ -71,20 +73,20 @@ pub(super) fn hung(
     (rotation, position)
 }
 
-/// Fills `inertia` of every link, about the root; after [`kinematics`].
+/// Fills `inertia` of every link, about the common origin. Needs [`kinematics`].
 pub fn inertias(robot: &Robot, data: &mut Data) {
     for (i, link) in robot.links.iter().enumerate() {
         data.inertia[i] = SpatialInertia::of(&link.inertia, &data.rotation[i], &data.position[i]);
     }
 }
 
-/// World pose of a link after [`kinematics`].
+/// World pose of a link. Needs [`kinematics`].
 pub fn link_pose(data: &Data, link: usize) -> Isometry3<f64> {
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(data.rotation[link]));
     Isometry3::from_parts(Translation3::from(data.origin + data.position[link]), rotation)
 }
 
-/// World position of a point fixed at `local` on a link, after [`kinematics`].
+/// World position of a point fixed at `local` on a link. Needs [`kinematics`].
 #[inline]
 pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
     data.origin + data.position[link] + data.rotation[link] * local

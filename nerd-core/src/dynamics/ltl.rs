@@ -1,35 +1,36 @@
-//! The mass matrix's factor.
+//! Sparse factorisation `M = L^T L` of the mass matrix.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SMatrix, SVector};
 
 use crate::robot::Robot;
 
-/// Lower-triangular factor of a mass matrix; made once, refilled at will.
+/// Lower-triangular factor of a mass matrix, allocated once and refilled.
 ///
-/// Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only at i and its
+/// `M = L^T L` keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only at i and its
 /// ancestors. A chain costs as much as dense Cholesky, a star of legs far less.
 #[derive(Clone, Debug)]
 pub struct Factor {
-    /// Rows of L one after another, their diagonal inverted: a multiplication takes a quarter of the time of a division.
+    /// Rows of L, `nv` by `nv`, the diagonal inverted: a multiplication takes a quarter of the time of a division.
     rows: Vec<f64>,
-    /// DoF above each DoF, or `usize::MAX`.
+    /// Parent of each DoF, or `usize::MAX`.
     parent: Vec<usize>,
-    /// Number of leading DoFs that form a chain: their rows have no zeros, so `parent` is not read for them.
+    /// Number of leading DoFs that form a chain. Their rows have no zeros, so `refill` updates them densely without
+    /// `parent`.
     trunk: usize,
-    /// DoF at which the last matrix was found not positive definite.
+    /// DoF at which the last matrix failed to be positive definite.
     lost: usize,
 }
 
-/// A pivot below this share of the original diagonal entry is rounding.
+/// A pivot below this share of the original diagonal entry counts as rounding error.
 const ROUNDING: f64 = 1e-12;
 
 impl Factor {
-    /// Room for the mass matrix of `robot`.
+    /// A factor for the mass matrix of `robot`.
     pub fn new(robot: &Robot) -> Self {
         let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
         let parent: Vec<usize> = if robot.mimics() {
-            // Joints that follow others couple branches of the tree, so no entry is known to be zero.
+            // Mimic joints couple branches of the tree, so no entry is known to be zero.
             (0..nv).map(|k| k.wrapping_sub(1)).collect()
         } else {
             let root = (0..dofs).map(|k| k.wrapping_sub(1));
@@ -39,12 +40,12 @@ impl Factor {
         Self { rows: vec![0.0; nv * nv], parent, trunk, lost: 0 }
     }
 
-    /// The DoF above each DoF, whose columns its row may fill; none above a root.
+    /// Parent of each DoF, `None` for the first DoF of a tree. The row of a DoF may be nonzero only at its ancestors.
     pub fn above(&self) -> impl Iterator<Item = Option<usize>> {
         self.parent.iter().map(|p| (*p != usize::MAX).then_some(*p))
     }
 
-    /// Factorises `mass` (its lower triangle is read). `false` if it is not positive definite; then do not solve.
+    /// Factorises `mass` (reads its lower triangle). Returns `false` if it is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
         let (n, parent, trunk) = (self.parent.len(), &self.parent, self.trunk);
@@ -77,7 +78,7 @@ impl Factor {
                     target[j] -= by * row[j];
                     j = parent[j];
                 }
-                // No row is left after a root: then the end is 0.
+                // At the root j is `usize::MAX`, so the end wraps to 0.
                 let end = j.wrapping_add(1);
                 target[..end].iter_mut().zip(&row[..end]).for_each(|(t, r)| *t -= by * r);
                 i = parent[i];
@@ -86,36 +87,37 @@ impl Factor {
         true
     }
 
-    /// Why the last matrix was not positive definite.
+    /// Describes where the last matrix was not positive definite.
     pub fn fault(&self, robot: &Robot) -> String {
         self.fault_at(robot, None)
     }
 
-    /// The same, at a DoF that another solver found not positive definite.
+    /// As `Self::fault`, at the DoF where another factorisation failed.
     pub fn fault_at(&self, robot: &Robot, lost: Option<usize>) -> String {
         let joint = lost.unwrap_or(self.lost).checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
         let place = joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 
-    /// `x^T M^-1 x = |L^-T x|^2` for an x that is zero except at the DoF `last` and its ancestors. Overwrites x.
-    pub fn ease(&self, last: usize, x: &mut [f64]) -> f64 {
-        let (n, mut sum, mut i) = (self.parent.len(), 0.0, last);
+    /// Inverse effective mass `X^T M^-1 X` (N by N), with the rows of X in `x[nv]`, zero except at the DoF `last` and
+    /// its ancestors. Overwrites `x`.
+    pub fn inv_mass<const N: usize>(&self, last: usize, x: &mut [SVector<f64, N>]) -> SMatrix<f64, N, N> {
+        let (n, mut sum, mut i) = (self.parent.len(), SMatrix::zeros(), last);
         while i != usize::MAX {
             let row = &self.rows[i * n..][..n];
-            x[i] *= row[i];
-            let (by, mut j) = (x[i], self.parent[i]);
+            let by = x[i] * row[i];
+            let mut j = self.parent[i];
             while j != usize::MAX {
-                x[j] -= row[j] * by;
+                x[j] -= by * row[j];
                 j = self.parent[j];
             }
-            sum += by * by;
+            sum += by * by.transpose();
             i = self.parent[i];
         }
         sum
     }
 
-    /// Replaces `x` by `M^-1 x`: `L^T y = x`, then `L z = y`.
+    /// Solves `M x = b` in place, `x[nv]`: `L^T y = b`, then `L x = y`.
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {
         let (n, parent) = (self.parent.len(), &self.parent);

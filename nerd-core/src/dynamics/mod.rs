@@ -1,13 +1,13 @@
-//! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA
-//! (forward dynamics), after Featherstone 2008, chapters 5 to 7; Jacobians and analytic derivatives.
+//! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA (forward
+//! dynamics), after Featherstone 2008, chapters 5 to 7; Jacobians and analytic derivatives.
 //!
-//! **One frame for all.** World axes, origin at the root (the floating base's position, or the fixed base), as an inertial frame at the
-//! root's present position. Every spatial vector of the robot is expressed in it. So no transform between links is needed, and numbers stay
-//! small however far the robot is from the world's origin.
+//! **One frame for all links.** World axes with the origin at the root (the floating base's position, or the fixed
+//! base), taken as inertial. Every spatial vector of the robot is expressed in this frame. So no transform between
+//! links is needed, and numbers stay small however far the robot is from the world's origin.
 //!
-//! [`Data`]'s methods are the interface. The stages behind it take velocities as slices in the local form ([`crate::velocity`]), need the
-//! calls that their docs name to be made before, and allocate nothing. There, a floating root's first six accelerations are spatial ones,
-//! `(w_dot, p_ddot - w x p_dot)`.
+//! [`Data`]'s methods are the interface. The stages behind them take velocities as slices in the local form
+//! ([`crate::velocity`]) and allocate nothing. Their docs name the calls they need. The stages take and return spatial
+//! accelerations of a floating root, `(w_dot, p_ddot - w x p_dot)`.
 
 mod adjoint;
 mod crba;
@@ -39,4 +39,4 @@ pub use self::{
     tree::{Inverse, TreeFactor},
 };
 #[doc(hidden)]
-pub use crate::velocity::{move_twist, root_position, to_local, to_world};
+pub use crate::velocity::{drift, move_twist, root_position, to_local, to_world};

@@ -1,37 +1,37 @@
-//! Queries of a robot at coordinates `q`: each is one call, correct whatever was called before.
+//! Dynamics of a robot as single calls on `Data`: CRBA, RNEA, ABA and their derivatives, each complete with kinematics.
 //!
-//! Accelerations are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, whose linear part lacks `w x p_dot` of
-//! a floating root ([`super`]); this file converts between the two.
+//! Accelerations are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, in which the linear
+//! part of a floating root lacks `w x p_dot` ([`super`]). This file converts between the two.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::{Data, Derivatives, Factor, aba, crba, kinematics, rnea};
 use crate::{robot::Robot, state::vector, velocity::LocalVelocity};
 
-/// No accelerations exist: some link has no inertia.
+/// The accelerations are not determined: some link has no inertia, or an input is not finite.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NoInertia(String);
 
 impl Data {
-    /// Mass matrix, `nv` by `nv`: `M(q) qdd + c(q, qd) = tau`.
+    /// Mass matrix (CRBA), `nv` by `nv`: `M(q) qdd + c(q, qd) = tau`.
     pub fn mass_matrix(&mut self, robot: &Robot, q: &[f64]) -> &DMatrix<f64> {
         self.place(robot, q);
         crba(robot, self);
         &self.mass
     }
 
-    /// Torques that hold the robot still under `gravity` (m/s^2, world axes).
+    /// Torques `[nv]` that hold the robot still under `gravity` (m/s^2, world axes).
     pub fn gravity_torque(&mut self, robot: &Robot, q: &[f64], gravity: &Vector3<f64>) -> &DVector<f64> {
         self.torques(robot, q, None, None, gravity)
     }
 
-    /// Torques `c(q, qd)` at zero acceleration: gravity, Coriolis and centrifugal terms.
+    /// Bias forces `c(q, qd)`, `[nv]`: gravity, Coriolis and centrifugal terms, less external wrenches.
     pub fn bias(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, gravity: &Vector3<f64>) -> &DVector<f64> {
         self.torques(robot, q, Some(qd.0.as_ref()), None, gravity)
     }
 
-    /// Torques for the accelerations `qdd`.
+    /// Inverse dynamics (RNEA): the torques `[nv]` for the accelerations `qdd[nv]`.
     pub fn inverse_dynamics(
         &mut self,
         robot: &Robot,
@@ -43,10 +43,10 @@ impl Data {
         self.torques(robot, q, Some(qd.0.as_ref()), Some(qdd), gravity)
     }
 
-    /// Accelerations for the torques `tau`.
+    /// Forward dynamics (ABA): the accelerations `[nv]` for the torques `tau[nv]`.
     ///
     /// # Errors
-    /// If a link has no inertia to accelerate; names it.
+    /// If a link has no inertia to accelerate, or an input is not finite; names the joint.
     pub fn forward_dynamics(
         &mut self,
         robot: &Robot,
@@ -64,7 +64,8 @@ impl Data {
         Ok(&self.qdd)
     }
 
-    /// Derivatives of [`Data::inverse_dynamics`] with respect to `q` and `qd`, at fixed `qdd`; `d tau / d qdd` is the mass matrix.
+    /// Derivatives of [`Data::inverse_dynamics`] with respect to `q` and `qd`, at fixed `qdd`; `d tau / d qdd` is the
+    /// mass matrix.
     pub fn inverse_derivatives(
         &mut self,
         robot: &Robot,
@@ -87,7 +88,8 @@ impl Data {
         out
     }
 
-    /// Derivatives of [`Data::forward_dynamics`] with respect to `q` and `qd`, at fixed `tau`; `d qdd / d tau` is the inverse mass matrix.
+    /// Derivatives of [`Data::forward_dynamics`] with respect to `q` and `qd`, at fixed `tau`; `d qdd / d tau` is the
+    /// inverse mass matrix.
     pub fn forward_derivatives(
         &mut self,
         robot: &Robot,
@@ -115,14 +117,14 @@ impl Data {
         Ok(out)
     }
 
-    /// Kinematics at `q`. Panics on a wrong length, which is a fault of the calling program.
+    /// Kinematics at `q`. Panics on a wrong length, a bug in the calling program.
     pub(super) fn place(&mut self, robot: &Robot, q: &[f64]) {
         assert!(q.len() >= robot.nq(), "q has {} numbers, robot `{}` has {} coordinates", q.len(), robot.name, robot.nq());
         assert!(self.tau.len() == robot.nv(), "this Data was made for another robot than `{}`", robot.name);
         kinematics(robot, q, self);
     }
 
-    /// A missing velocity or acceleration counts as zero.
+    /// RNEA into `self.tau`; a missing velocity or acceleration counts as zero.
     fn torques(&mut self, robot: &Robot, q: &[f64], qd: Option<&[f64]>, qdd: Option<&[f64]>, gravity: &Vector3<f64>) -> &DVector<f64> {
         self.place(robot, q);
         let mut spatial = std::mem::replace(&mut self.qdd, DVector::zeros(0));
@@ -150,7 +152,8 @@ impl Data {
     }
 }
 
-/// Adds `sign w x p_dot` of a floating root: from spatial acceleration to the rate of `p_dot`, or back.
+/// Adds `sign w x p_dot` of a floating root to `qdd`: +1 converts spatial accelerations to rates of `p_dot`, -1
+/// converts back.
 fn shift(robot: &Robot, qd: &[f64], qdd: &mut [f64], sign: f64) {
     if robot.floating() {
         let turning = vector(qd).cross(&vector(&qd[3..6]));
@@ -158,7 +161,7 @@ fn shift(robot: &Robot, qd: &[f64], qdd: &mut [f64], sign: f64) {
     }
 }
 
-/// Derivatives of `w x p_dot` by w and by `p_dot`.
+/// Derivatives of `w x p_dot` with respect to w and to `p_dot`.
 fn shift_rates(qd: &[f64]) -> [Matrix3<f64>; 2] {
     [-vector(&qd[3..6]).cross_matrix(), vector(qd).cross_matrix()]
 }

@@ -1,31 +1,31 @@
-//! Inverse dynamics.
+//! The recursive Newton-Euler algorithm (RNEA): inverse dynamics and bias forces.
 
 use super::adjoint::drag;
 use super::motions;
 use crate::prelude::*;
 
-/// Torques at zero acceleration, into `data.tau`. Needs `kinematics`; fills `data.velocity`.
-/// `qd` is local (see [`super::to_local`]), length `nv`; `gravity` in m/s^2, world axes.
+/// Bias forces, the torques at zero acceleration, into `data.tau[nv]`. Needs `kinematics`; fills `data.velocity` and
+/// `data.acceleration`. `qd[nv]` is local (see [`super::to_local`]); `gravity` in m/s^2, world axes.
 #[inline]
 pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<false>(robot, qd, &[], gravity, data);
 }
 
-/// Torques for accelerations `qdd` (length `nv`), into `data.tau`; otherwise as [`bias`].
+/// Torques for the spatial accelerations `qdd[nv]` into `data.tau`; otherwise as [`bias`].
 ///
-/// Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
-/// the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the
-/// subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is computed in Newton-Euler form, force at the centre of mass c
-/// and moment in link axes, so that the inertia need not be rotated into world axes:
-/// `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
-/// The gravity-compensated mass of a link has no weight; a free root's damping resists. A joint's armature adds `armature qdd`. Its damping
-/// and limits are left to the caller: they are forces of the joint, not of the tree.
+/// `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of the base.
+/// `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the subtree`. The
+/// wrench of a link is `F_i = I_i A_i + V_i x* I_i V_i - f_i`. Force at the centre of mass c and moment in link axes
+/// save the rotation of the inertia: `f = m (a + w_dot x c + w x (v + w x c))`,
+/// `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`. Gravity does not act on the gravity-compensated mass of a link. A
+/// floating root's damping resists its motion. A joint's armature adds `armature qdd`. The caller adds damping and
+/// limits of joints.
 #[inline]
 pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<true>(robot, qd, qdd, gravity, data);
 }
 
-/// Twists of all links into `data.velocity`. Needs `kinematics`; `qd` local.
+/// Twists of all links into `data.velocity`. Needs `kinematics`; `qd[nv]` is local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
     let mut velocity = std::mem::take(&mut data.velocity);
@@ -37,7 +37,7 @@ pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
 fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     let base = Motion::new(Vector3::zeros(), -gravity);
     let (links, n) = (&robot.links[..], robot.links.len());
-    // As long as the links, so that the compiler sees an index within the links as within these.
+    // Slices of the same length as the links let the compiler drop bounds checks.
     let (dof, axis, rotation, position) = (&data.dof[..n], &data.axis[..n], &data.rotation[..n], &data.position[..n]);
     let (external, force) = (&data.external[..n], &mut data.force[..n]);
     let (velocity, acceleration) = (&mut data.velocity[..n], &mut data.acceleration[..n]);
@@ -66,7 +66,7 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             force[i] += drag(robot, &v, &position[i]);
         }
     }
-    // Joints that follow a coordinate add to its torque.
+    // Mimic joints add to the torque of their coordinate.
     let tau = data.tau.as_mut_slice();
     tau.fill(0.0);
     for i in (0..n).rev() {

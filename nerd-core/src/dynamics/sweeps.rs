@@ -1,16 +1,18 @@
-//! Sweeps along the tree: factorise the mass matrix, solve with it, spread unit wrenches; forward dynamics by the factor.
+//! Articulated-body sweeps of [`TreeFactor`]: factorisation, solution, inverse operational-space inertias; forward
+//! dynamics (ABA).
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
 use super::{Inverse, TreeFactor, bias, crba, inertias};
 use crate::prelude::*;
 
-/// Rounding error of a sum that should be zero, as a share of the magnitudes added up.
+/// Rounding error of a sum that should be zero, as a share of the magnitudes added.
 const ROUNDING: f64 = 1e-14;
 
 impl TreeFactor {
-    /// Factorises. Needs [`super::kinematics`] and [`super::inertias`]; `links` are the `K_i`, `joints` the e of the joints, in their
-    /// order; an empty slice means none. `false` if the sum is not positive definite; then do not solve.
+    /// Factorises. Needs [`super::kinematics`] and [`super::inertias`]. `links[link]` are the `K_i`, `joints` the e of
+    /// the joints in the order of `qd`; an empty slice means zeros. Returns `false` if the sum is not positive
+    /// definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &Data, links: &[Matrix6<f64>], joints: &[f64]) -> bool {
         let (first, dofs) = (usize::from(robot.floating()), robot.root_dofs());
@@ -32,7 +34,7 @@ impl TreeFactor {
             }
             (self.gain[i], self.inverse[i]) = (gain, pivot.recip());
             if let Some(p) = robot.links[i].parent {
-                // Entry by entry, in place: moving matrices as values costs more than summing them.
+                // Entry by entry, in place: copying whole matrices costs more than adding them.
                 let (above, own) = self.articulated.split_at_mut(i);
                 for c in 0..6 {
                     let share = gain[c] * self.inverse[i];
@@ -50,7 +52,8 @@ impl TreeFactor {
         true
     }
 
-    /// Replaces `x` (length `nv`) by the solution for torques `x` and wrenches `press` on the links (about `data.origin`; empty: none).
+    /// Replaces the torques `x[nv]` by the solution under them and the wrenches `press[link]` (about `data.origin`;
+    /// empty: none).
     pub fn solve(&mut self, robot: &Robot, data: &Data, press: &[Wrench], x: &mut [f64]) {
         let first = usize::from(robot.floating());
         for (i, force) in self.force.iter_mut().enumerate() {
@@ -78,25 +81,26 @@ impl TreeFactor {
         }
     }
 
-    /// Computes the responses to unit wrenches and torques, for [`TreeFactor::eased`] and [`TreeFactor::ease`], from the root outward: `E_i
-    /// = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`.
+    /// Computes the inverse operational-space inertias `E_i` for [`TreeFactor::response`] and [`TreeFactor::inv_mass`], from
+    /// the root outward: `E_i = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`. Needs `TreeFactor::refill`.
     pub fn spread(&mut self, robot: &Robot, data: &Data) {
         let first = usize::from(robot.floating());
         if let Some(root) = &self.root {
-            self.ease[0] = root.inverse();
+            self.inv_inertia[0] = root.inverse();
         }
         for i in first..robot.links.len() {
             let (s, inverse) = (data.axis[i].vector(), self.inverse[i]);
-            let above = robot.links[i].parent.map_or(Matrix6::zeros(), |p| self.ease[p]);
-            // (1 - S U^T / D) E_p, then the same from the right.
+            let above = robot.links[i].parent.map_or(Matrix6::zeros(), |p| self.inv_inertia[p]);
+            // (1 - S U^T / D) E_p, then the same factor transposed from the right.
             let half = above - s * ((self.gain[i].transpose() * above) * inverse);
-            self.ease[i] = half - (half * self.gain[i]) * (s.transpose() * inverse) + s * (s.transpose() * inverse);
+            self.inv_inertia[i] = half - (half * self.gain[i]) * (s.transpose() * inverse) + s * (s.transpose() * inverse);
         }
     }
 }
 
 impl Inverse {
-    /// Factorises. Needs [`super::kinematics`]; fills `data.inertia`. `false` if something has no inertia; then do not solve.
+    /// Factorises. Needs [`super::kinematics`]; fills `data.inertia`. Returns `false` if some part has no inertia; then
+    /// do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &mut Data) -> bool {
         match self {
@@ -111,7 +115,7 @@ impl Inverse {
         }
     }
 
-    /// Replaces torques `x` (length `nv`) by accelerations `M^-1 x`.
+    /// Replaces torques `x[nv]` by accelerations `M^-1 x`.
     pub fn solve(&mut self, robot: &Robot, data: &Data, x: &mut [f64]) {
         match self {
             Self::Tree(tree) => tree.solve(robot, data, &[], x),
@@ -120,10 +124,11 @@ impl Inverse {
     }
 }
 
-/// Accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
-/// `kinematics`; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+/// Forward dynamics (ABA): accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau[nv]` and local velocities
+/// `qd[nv]`. Needs `kinematics`; includes `data.external`. Returns `false` if a subtree has no inertia to accelerate.
 ///
-/// Articulated bodies, in O(n): the bias by [`bias`], the inverse by [`TreeFactor`].
+/// O(n) without mimic joints: bias forces by [`bias`], inverse by [`TreeFactor`]; with them the factor of the mass
+/// matrix.
 #[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     bias(robot, qd, gravity, data);

@@ -1,4 +1,4 @@
-//! Mass, momentum and energy of a whole robot: the conserved quantities.
+//! Mass, momentum and energy of a whole robot, the conserved quantities.
 
 use super::{inertias, velocities};
 use crate::{prelude::*, velocity::to_local};
@@ -12,20 +12,20 @@ pub struct Totals {
     pub com: Vector3<f64>,
     /// Angular momentum about the centre of mass (kg m^2/s) and linear momentum (kg m/s), world axes.
     pub momentum: Wrench,
-    /// First moment of the gravity-compensated mass: sum of mass times world position (kg m).
+    /// First moment of the gravity-compensated mass: the sum of mass times world position (kg m).
     pub lifted: Vector3<f64>,
-    /// Kinetic energy of links and drives (J).
+    /// Kinetic energy of links and armatures (J).
     pub kinetic: f64,
 }
 
 impl Totals {
-    /// Kinetic and potential energy (J) under `gravity` (m/s^2), zero of the latter at the world's origin.
+    /// Kinetic plus potential energy (J) under `gravity` (m/s^2). Potential energy is zero at the world's origin.
     pub fn energy(&self, gravity: &Vector3<f64>) -> f64 {
         self.kinetic - gravity.dot(&(self.com * self.mass - self.lifted))
     }
 }
 
-/// Totals at a state `[q, qd]` (a floating root's twist about the world origin).
+/// Totals at a state `[q, qd]` (a floating root's twist about the world's origin).
 pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     let (q, qd) = state.split_at(robot.nq());
     let mut local = qd.to_vec();

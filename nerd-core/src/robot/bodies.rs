@@ -1,11 +1,13 @@
-//! The bodies of a robot as its file has them, before fixed joints are lumped. The readers of URDF and of MJCF both produce these.
+//! The bodies and joints in a robot's file, before fixed joints are lumped. The readers of URDF and of MJCF both
+//! produce these.
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
 use super::{FreeRoot, ShapeKind};
 use crate::spatial::BodyInertia;
 
-/// The bodies of a robot and the joints between them, a tree with one root. Names are unique. [`super::UrdfRobot::of`] makes the robot.
+/// The bodies of a robot and the joints between them, a tree with one root. Names are unique. [`super::UrdfRobot::of`]
+/// makes the robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bodies {
     /// Name of the robot.
@@ -14,35 +16,35 @@ pub struct Bodies {
     pub bodies: Vec<Body>,
     /// Armature and damping of a free root.
     pub free: FreeRoot,
-    /// Joints, in the order of the file; siblings keep it in the robot.
+    /// Joints, in the order of the file. Sibling joints keep this order in the robot.
     pub joints: Vec<BodyJoint>,
 }
 
-/// One body, in the frame of the joint that it hangs on.
+/// One body. Poses are in the frame of the joint that carries it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Name.
     pub name: String,
-    /// The file's frame of the body, in the joint's frame: an MJCF's joint may be anywhere on its body.
+    /// Frame of the body in the file, relative to the joint's frame: an MJCF joint may be anywhere on its body.
     pub frame: Isometry3<f64>,
     /// Inertia.
     pub inertia: BodyInertia,
-    /// Share of its weight that is compensated, 0 to 1.
+    /// Share of the weight that is compensated, 0 to 1.
     pub lifted: f64,
-    /// Solids that it touches with.
+    /// Collision solids.
     pub collisions: Vec<Solid>,
-    /// Solids that are drawn.
+    /// Visual solids.
     pub visuals: Vec<Solid>,
 }
 
 /// A solid fixed on a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
-    /// Its pose on the body.
+    /// Pose on the body.
     pub pose: Isometry3<f64>,
-    /// Its form.
+    /// Form.
     pub form: Form,
-    /// Index of its contact properties in the file's table, where a file has one.
+    /// Index of the contact properties in the file's table, if the file has one.
     pub surface: Option<usize>,
 }
 
@@ -51,7 +53,7 @@ pub struct Solid {
 pub enum Form {
     /// A primitive.
     Shape(ShapeKind),
-    /// A mesh file as the robot's file names it, its lengths multiplied along its own axes.
+    /// A mesh file, named as in the robot's file. `scale` multiplies its lengths along its axes.
     Mesh {
         /// The file.
         file: String,
@@ -62,20 +64,20 @@ pub enum Form {
     Hull(Vec<Vector3<f64>>),
 }
 
-/// How a joint moves.
+/// Type of a joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BodyJointKind {
-    /// Not at all.
+    /// No motion.
     Fixed,
-    /// A hinge with a range.
+    /// A hinge with limits.
     Revolute,
-    /// A hinge without one.
+    /// A hinge without limits.
     Continuous,
     /// A slide.
     Prismatic,
-    /// In a plane, across the axis: two slides and a hinge.
+    /// Motion in the plane perpendicular to the axis: two slides and a hinge.
     Planar,
-    /// Freely; only between a root that has nothing but a name and the one body on it.
+    /// Six DoF; only between an empty root body and the single body on it.
     Floating,
 }
 
@@ -84,27 +86,27 @@ pub enum BodyJointKind {
 pub struct BodyJoint {
     /// Name.
     pub name: String,
-    /// How it moves.
+    /// Type of motion.
     pub kind: BodyJointKind,
     /// Index of the body that carries it.
     pub parent: usize,
-    /// Index of the body that hangs on it.
+    /// Index of the body that it carries.
     pub child: usize,
-    /// Its frame in the frame of the parent's joint.
+    /// Joint frame in the frame of the parent's joint.
     pub origin: Isometry3<f64>,
-    /// Its axis, in its own frame.
+    /// Axis, in the joint frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Ends of its range (rad or m).
+    /// Lower and upper limit (rad or m).
     pub range: Option<[f64; 2]>,
-    /// Largest effort (N m or N); infinite where none is given.
+    /// Largest effort (N m or N); infinite if the file gives none.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite where none is given.
+    /// Largest velocity (rad/s or m/s); infinite if the file gives none.
     pub velocity: f64,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
     /// Dry friction (N m or N).
     pub friction: f64,
-    /// The joint that it follows.
+    /// For a mimic joint, the joint that it follows.
     pub mimic: Option<BodyMimic>,
 }
 
@@ -128,13 +130,13 @@ impl BodyJoint {
     }
 }
 
-/// A joint that follows another: `position = multiplier q + offset`.
+/// A mimic joint's law: `position = multiplier q + offset`, with q the position of another joint.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyMimic {
-    /// Name of the joint that leads.
+    /// Name of the leading joint.
     pub joint: String,
-    /// rad or m per unit of its position.
+    /// rad or m per unit of the leading joint's position.
     pub multiplier: f64,
-    /// Position (rad or m) where the leading joint's is zero.
+    /// Position (rad or m) at zero position of the leading joint.
     pub offset: f64,
 }

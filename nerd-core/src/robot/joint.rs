@@ -1,33 +1,33 @@
-//! One-DoF joints and what acts at them.
+//! One-DoF joints and the forces at them.
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
-/// Kind of a one-DoF joint.
+/// Type of a one-DoF joint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum JointKind {
-    /// Turns about its axis within limits (rad).
+    /// Hinge with limits (rad).
     Revolute,
-    /// Turns about its axis without end (rad).
+    /// Hinge without limits (rad).
     Continuous,
-    /// Slides along its axis within limits (m).
+    /// Slide with limits (m).
     Prismatic,
 }
 
-/// Position limit acted on by a spring and a damper once violated.
+/// Position limit, enforced by a spring and a damper where it is exceeded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
     /// Lower end (rad or m).
     pub lower: f64,
     /// Upper end (rad or m).
     pub upper: f64,
-    /// Stiffness beyond an end (N m/rad or N/m); 0 leaves the limit without effect.
+    /// Stiffness beyond a limit (N m/rad or N/m); 0 leaves the limit without effect.
     pub stiffness: f64,
-    /// Damping beyond an end (N m s/rad or N s/m).
+    /// Damping beyond a limit (N m s/rad or N s/m).
     pub damping: f64,
 }
 
 impl Limit {
-    /// Force of the violated limit at position `q`, velocity `qd`; zero inside.
+    /// Force (N m or N) at position `q` and velocity `qd`; zero within the limits.
     #[inline]
     pub fn force(&self, q: f64, qd: f64) -> f64 {
         let end = q.clamp(self.lower, self.upper);
@@ -35,14 +35,14 @@ impl Limit {
     }
 }
 
-/// How a joint follows a coordinate: `position = multiplier q + offset`, exactly and at all times. It has no coordinate of its own.
+/// Law of a mimic joint: `position = multiplier q + offset`, exact at all times. A mimic joint adds no coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
-    /// Index of the coordinate among the joints' coordinates, `0..joint_count`.
+    /// Index of q among the coordinates of the joints, `0..joint_count`.
     pub coordinate: usize,
     /// rad or m per unit of the coordinate.
     pub multiplier: f64,
-    /// Its position at a coordinate of zero (rad or m).
+    /// Position at q = 0 (rad or m).
     pub offset: f64,
 }
 
@@ -51,26 +51,27 @@ pub struct Mimic {
 pub struct Joint {
     /// Name from the URDF.
     pub name: String,
-    /// How it moves.
+    /// Type of motion.
     pub kind: JointKind,
-    /// The coordinate it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a
-    /// URDF narrows the limit of the leading joint, and adds damping and friction to it.
+    /// The coordinate that a mimic joint follows. Its limit, spring, damping and friction then have no effect: reading
+    /// a URDF narrows the limit of the leading joint, and adds damping and friction to it.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
-    /// Dry friction (N m or N): its size while the joint slips, and the largest load it holds while the joint sticks.
+    /// Dry friction (N m or N): its magnitude in slip, and the largest load it holds in stick.
     pub friction: f64,
-    /// Stiffness of a spring at the joint (N m/rad or N/m), always active, such as the bending stiffness of a cable; 0: none.
+    /// Stiffness of a spring at the joint (N m/rad or N/m), such as the bending stiffness of a cable; 0: no spring.
     pub stiffness: f64,
-    /// Rest position of that spring (rad or m).
+    /// Position of that spring at zero force (rad or m).
     pub rest: f64,
-    /// Inertia of the drive seen at the joint (kg m^2 or kg).
+    /// Armature: inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
-    /// Largest effort (N m or N); infinite where none is given. Drives (`nerd_sim::drive`) keep it; torques given directly do not.
+    /// Largest effort (N m or N); infinite if the file gives none. Drives (`nerd_sim::drive`) obey it; torques given
+    /// directly do not.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite where none is given. Drives keep it; torques given directly do not.
+    /// Largest velocity (rad/s or m/s); infinite if the file gives none. Drives obey it; torques given directly do not.
     pub velocity: f64,
     origin: Isometry3<f64>,
     axis: Unit<Vector3<f64>>,
@@ -111,7 +112,7 @@ impl Joint {
         &self.axis
     }
 
-    /// Puts the joint frame at another pose in the parent link's frame.
+    /// Sets the pose of the joint frame in the parent link's frame.
     pub fn set_origin(&mut self, origin: Isometry3<f64>) {
         self.turn = turn(&origin, &self.axis);
         self.origin = origin;
@@ -123,20 +124,20 @@ impl Joint {
         &self.turn
     }
 
-    /// The coordinate it follows, if it does not move by itself; set by [`super::Robot::follow`].
+    /// The coordinate that a mimic joint follows; set by [`super::Robot::follow`].
     #[inline]
     pub fn mimic(&self) -> Option<&Mimic> {
         self.mimic.as_ref()
     }
 
-    /// Derivative of its position with respect to its coordinate: 1 unless the joint follows another.
+    /// Derivative of the position with respect to its coordinate: the multiplier of a mimic joint, else 1.
     #[inline]
     pub fn ratio(&self) -> f64 {
         self.mimic.map_or(1.0, |m| m.multiplier)
     }
 
-    /// Whether the coordinate is an angle kept in [-pi, pi), that is, whether it turns without limits. A joint with limits, however wide,
-    /// counts its turns, and so does one with a spring.
+    /// Whether the coordinate is an angle kept in [-pi, pi): a hinge without limits and spring. With limits, however
+    /// wide, or a spring, full turns count.
     #[inline]
     pub fn wraps(&self) -> bool {
         self.kind != JointKind::Prismatic && self.limit.is_none() && self.stiffness == 0.0

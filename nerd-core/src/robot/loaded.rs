@@ -1,22 +1,23 @@
-//! A robot as read from its file, with notes on what the file leaves open; and why a file is refused.
+//! A robot as read from its file, the assumptions made, and the reasons for refusing a file.
 
 use std::sync::Arc;
 
 use super::Bodies;
 use crate::prelude::*;
 
-/// Content of a robot's file, a URDF or any other format that is read into [`super::Bodies`].
+/// Content of a robot's file, URDF or another format read into [`super::Bodies`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct UrdfRobot {
     /// The robot.
     pub robot: Robot,
-    /// Assumptions made where the file is silent, a line each.
+    /// Assumptions made where the file is silent, one line each.
     pub notes: Vec<String>,
-    /// Collision meshes on moving links, which the robot does not use; a caller that can read files may turn them into contact points.
+    /// Collision meshes on moving links. The robot does not use them; a caller that reads the files may turn them into
+    /// contact points.
     pub meshes: Vec<MeshFile>,
-    /// Convex hulls: of meshes that were read, and those given in the file.
+    /// Convex hulls of meshes that were read and of vertices given in the file.
     pub hulls: Vec<Hull>,
-    /// Collision shapes of a fixed base, in its frame; they are not part of the robot.
+    /// Collision shapes of a fixed base, in its frame. They are not part of the robot.
     pub base: Vec<Shape>,
 }
 
@@ -27,11 +28,11 @@ impl From<Robot> for UrdfRobot {
 }
 
 impl Robot {
-    /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link 0).
-    /// [`UrdfRobot::read`] also gives the assumptions made.
+    /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link
+    /// 0). [`UrdfRobot::read`] also gives the assumptions made.
     ///
-    /// Limits have no stiffness (URDF does not define one; nerd-sim's systems add it), armature is zero, contact points come from
-    /// [`Robot::default_contact_points`].
+    /// Limits have no stiffness (URDF does not define one; nerd-sim's systems add it), armature is zero, contact points
+    /// come from [`Robot::default_contact_points`].
     ///
     /// # Errors
     /// If the text cannot be honoured; names the link or joint and the reason.
@@ -41,60 +42,51 @@ impl Robot {
 }
 
 impl UrdfRobot {
-    /// Reads a robot as [`Robot::from_urdf`] does, and keeps the assumptions made.
+    /// As [`Robot::from_urdf`], with the assumptions made.
     pub fn read(xml: &str, base: Base) -> Result<Self, UrdfError> {
         let (bodies, notes) = Bodies::from_urdf(xml)?;
-        Ok(Self::of(&bodies, base)?.noted(notes))
-    }
-
-    /// The same for a URDF to which nothing will be added; see [`UrdfRobot::of_alone`].
-    pub fn read_alone(xml: &str, base: Base) -> Result<Self, UrdfError> {
-        let (bodies, notes) = Bodies::from_urdf(xml)?;
-        Ok(Self::of_alone(&bodies, base)?.noted(notes))
-    }
-
-    fn noted(mut self, notes: Vec<String>) -> Self {
-        self.notes.splice(..0, notes);
-        self
+        let mut read = Self::of(&bodies, base)?;
+        read.notes.splice(..0, notes);
+        Ok(read)
     }
 }
 
-/// The convex hull of a collision mesh.
+/// Convex hull of a collision mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
     /// Index of the moving link that carries it.
     pub link: usize,
-    /// Its vertices in that link's frame (m).
+    /// Vertices in that link's frame (m).
     pub vertices: Arc<[Vector3<f64>]>,
-    /// Index of its contact properties in the file's table, where a file has one.
+    /// Index of the contact properties in the file's table, if the file has one.
     pub surface: Option<usize>,
 }
 
-/// A collision mesh that a robot's file names.
+/// A collision mesh named in a robot's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFile {
     /// Index of the moving link that carries it.
     pub link: usize,
-    /// Name of its body in the file.
+    /// Name of the mesh's body in the file.
     pub of: String,
-    /// Where it is in the moving link's frame.
+    /// Pose in the moving link's frame.
     pub pose: Isometry3<f64>,
-    /// The mesh's file, as the robot's file names it.
+    /// Path of the mesh, as written in the robot's file.
     pub file: String,
-    /// Factors on its lengths, along its own axes.
+    /// Scale factors along the mesh's axes.
     pub scale: Vector3<f64>,
-    /// Index of its contact properties in the file's table, where a file has one.
+    /// Index of the contact properties in the file's table, if the file has one.
     pub surface: Option<usize>,
 }
 
-/// Why a robot's file cannot be honoured.
+/// Why a robot's file is refused.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfError {
-    /// The fault: in the text, a link, a joint, or the tree that they make.
+    /// The fault in the text, a link, a joint or the tree of joints.
     #[error("{0}")]
     Refused(String),
-    /// A robot without a joint, bolted down.
+    /// A robot without a joint on a fixed base.
     #[error("nothing moves: no moving joint and no floating base")]
     Still,
 }

@@ -1,14 +1,15 @@
-//! One body and one joint: inertia and shapes lumped to their moving link, and joints with the properties that the dynamics use.
+//! Adds one body or joint of a file to the robot: inertia and shapes are lumped to the moving link, joints get their
+//! properties.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 
 use super::{Body, BodyJoint, BodyJointKind, Form, Hull, Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, UrdfError, UrdfRobot};
 use crate::spatial::{BodyInertia, PointMass};
 
-/// Bound on sizes, such that products of a few numbers stay finite; no real robot comes near it.
+/// Bound on mass (kg), centre of mass (m) and inertia (kg m^2) of a link, so that products of a few stay finite.
 const LARGEST: f64 = 1e60;
 
-/// Welds a body of the file to moving link `host`, in which it has the given `pose`.
+/// Welds a body of the file to moving link `host`, at `pose` in the link frame.
 pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut UrdfRobot) -> Result<(), UrdfError> {
     let wrong = |reason: String| UrdfError::link(&source.name, reason);
     let BodyInertia { mass, com, inertia } = source.inertia;
@@ -16,7 +17,7 @@ pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut
         return Err(wrong(format!("mass {mass} kg or inertia is negative or not finite")));
     }
     if let Some(least) = indefinite(&inertia) {
-        // The sum with the body it is fixed on may still be valid; `sound` checks that once all are added.
+        // The lumped inertia may still be valid; `sound` checks it at the end.
         read.notes.push(format!("link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)", source.name));
     }
     let place = pose * Translation3::from(com);
@@ -32,7 +33,7 @@ pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut
     Ok(())
 }
 
-/// Adds the solids of a body of the file, at `pose`, to moving link `host`, or to the base if there is none.
+/// Adds the collision solids of a body, at `pose`, to moving link `host`; `None` is the fixed base.
 pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, read: &mut UrdfRobot) {
     let mut still = |mesh: &str| read.notes.push(format!("link `{}`: {mesh} is on the fixed base; nothing touches it", source.name));
     for solid in &source.collisions {
@@ -55,16 +56,17 @@ pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, 
     }
 }
 
-/// The smallest eigenvalue of an inertia, if it is negative by more than rounding.
+/// The smallest eigenvalue of an inertia, if negative by more than rounding.
 fn indefinite(inertia: &Matrix3<f64>) -> Option<f64> {
-    // Scaled to 1, so that no finite numbers overflow; a value within the rounding of the file's writer is no inertia.
+    // Scaled to 1 against overflow. Below 1e-15 kg m^2 the inertia is rounding error of the program that wrote the
+    // file.
     let scale = inertia.amax();
     let least = if scale > 1e-15 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
     (least < -1e-9).then_some(least * scale)
 }
 
-/// Refuses moving links whose inertia, fixed bodies included, is not positive. Notes those whose largest principal moment exceeds the sum
-/// of the other two, which no body has.
+/// Refuses moving links with a lumped inertia that is not positive semi-definite. Notes links that break the triangle
+/// inequality: the largest principal moment exceeds the sum of the other two.
 pub(super) fn sound(robot: &Robot, notes: &mut Vec<String>) -> Result<(), UrdfError> {
     let odd = |link: &&Link| {
         let moments = link.inertia.inertia.symmetric_eigenvalues();
@@ -83,7 +85,7 @@ pub(super) fn sound(robot: &Robot, notes: &mut Vec<String>) -> Result<(), UrdfEr
     }
 }
 
-/// A joint with one degree of freedom; `origin` is its frame in the moving link above it.
+/// A one-DoF joint; `origin` is its frame in the moving link above it.
 pub(super) fn joint(source: &BodyJoint, origin: Isometry3<f64>) -> Result<Joint, UrdfError> {
     let kind = match source.kind {
         BodyJointKind::Revolute => JointKind::Revolute,

@@ -1,13 +1,14 @@
-//! Joints that follow others (`<mimic>` of a URDF and the like), folded into the coordinates.
+//! Resolves mimic joints (`<mimic>` of a URDF and the like) to the coordinates of independent joints.
 
 use super::{BodyMimic, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
-/// Beyond any angle of a joint (rad).
+/// Limit on joint positions (rad) that stands for unlimited.
 const ENDLESS: f64 = 1e9;
-/// Least difference (rad or m) that makes one limit narrower than another, beyond rounding.
+/// Least difference (rad or m) by which one limit counts as narrower than another.
 const NARROWER: f64 = 1e-6;
 
-/// Makes joints of links follow the leaders that the file names, through chains of followers.
+/// Makes the joints of `followers` (link, law) follow their leaders, through chains of mimic joints. Damping, friction
+/// and limits go to the leader.
 pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) -> Result<(), UrdfError> {
     let UrdfRobot { robot, notes, .. } = read;
     let joint = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
@@ -16,9 +17,9 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
         let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
         let wrong = |reason: String| UrdfError::joint(&own, reason);
         let (mut at, mut multiplier, mut offset) = (*mimic, 1.0, 0.0);
-        // A walk longer than the number of followers means a ring.
+        // A walk longer than the number of mimic joints means a cycle.
         for step in 0..=followers.len() {
-            // Of `m (m' q + o') + o`, from the outside in.
+            // Compose `m (m' q + o') + o` from the outside in.
             offset += multiplier * at.offset;
             multiplier *= at.multiplier;
             if !(multiplier.abs() < ENDLESS && offset.abs() < ENDLESS) {
@@ -37,7 +38,7 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
             }
         }
     }
-    // Indices count only the joints that move by themselves.
+    // Coordinate indices count only independent joints.
     let own = |l: &usize| robot.links[*l].joint.is_some() && followers.iter().all(|f| f.0 != *l);
     let order: Vec<usize> = (0..robot.links.len()).filter(own).collect();
     for (link, leader, multiplier, offset) in found {
@@ -48,7 +49,7 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
         leader.damping += multiplier * multiplier * own.damping;
         leader.friction += multiplier.abs() * own.friction;
         if leader.wraps() && multiplier.fract() != 0.0 {
-            // A joint that turns without end forgets full turns, which matter to a follower with a multiplier such as one half.
+            // A wrapped angle loses full turns, which matter to a mimic joint with a fractional multiplier.
             leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
         }
         let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { continue };

@@ -1,8 +1,10 @@
-//! Links and the robot they make. Fixed joints are lumped away; every link but a floating root hangs on one moving joint.
+//! Links and the robot they form. Fixed joints are lumped; every link except a floating root is carried by one moving
+//! joint.
 //!
-//! Dimensions: with `k` one-DoF joints that move by themselves a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
+//! Dimensions: with `k` independent one-DoF joints a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
-//! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w` ([`crate::velocity`]).
+//! `(w, v)` is the root's spatial twist in world axes about the world's origin: `v = p_dot + p x w`
+//! ([`crate::velocity`]).
 
 use super::{Mimic, ShapeKind};
 use crate::prelude::*;
@@ -10,14 +12,14 @@ use crate::prelude::*;
 /// The root link's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Base {
-    /// Bolted to the world at this pose; [`Base::fixed`] at its origin.
+    /// Fixed to the world at this pose; [`Base::fixed`] at its origin.
     Fixed(Isometry3<f64>),
     /// Free to move: link 0 is the root and has no joint.
     Floating,
 }
 
 impl Base {
-    /// Bolted to the world at its origin.
+    /// Fixed to the world at its origin.
     pub fn fixed() -> Self {
         Self::Fixed(Isometry3::identity())
     }
@@ -28,30 +30,30 @@ impl Base {
 pub struct Link {
     /// Name from its file.
     pub name: String,
-    /// Index of the link it hangs on; `None` for links on the fixed base and for a floating root.
+    /// Index of the parent link; `None` for links on the fixed base and for a floating root.
     pub parent: Option<usize>,
-    /// The joint it hangs on; `None` only for a floating root.
+    /// The joint that carries the link; `None` only for a floating root.
     pub joint: Option<Joint>,
-    /// Inertia in the link frame, fixed children lumped in.
+    /// Inertia in the link frame, including fixed children.
     pub inertia: BodyInertia,
-    /// Gravity-compensated mass, in the link frame: gravity does not pull it.
+    /// Gravity-compensated mass, in the link frame: gravity does not act on it.
     pub lifted: PointMass,
-    /// Collision shapes, fixed children's included.
+    /// Collision shapes, including fixed children's.
     pub shapes: Vec<Shape>,
-    /// The file's frame of the body, in the link frame: positions given by the body's name count from there ([`Robot::frame`]). The
-    /// identity, except for an MJCF's body whose joint is elsewhere on it.
+    /// Frame of the body in the file, in the link frame. Positions given by the body's name are relative to it
+    /// ([`Robot::frame`]). The identity, except for an MJCF body with its joint elsewhere.
     pub frame: Isometry3<f64>,
 }
 
 impl Link {
-    /// A link without shapes, whose own frame is the link frame.
+    /// A link without shapes, with its body frame at the link frame.
     pub fn new(name: impl Into<String>, parent: Option<usize>, joint: Option<Joint>, inertia: BodyInertia) -> Self {
         Self { name: name.into(), parent, joint, inertia, lifted: PointMass::default(), shapes: Vec::new(), frame: Isometry3::identity() }
     }
 }
 
 impl Link {
-    /// Adds `armature` to the inertia of each DoF of a free root, without weight; a negative number removes it.
+    /// Adds `armature` to the inertia of each DoF of a floating root, without weight; a negative number removes it.
     pub fn arm(&mut self, armature: f64) {
         let own = BodyInertia { mass: armature, com: Vector3::zeros(), inertia: Matrix3::from_diagonal_element(armature) };
         self.inertia = self.inertia.welded(&own);
@@ -62,15 +64,16 @@ impl Link {
 /// A frame fixed on a moving link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FixedFrame {
-    /// Name of its body in the file.
+    /// Name of the body in the file.
     pub name: String,
     /// Index of the moving link that carries it; `None` on a fixed base.
     pub link: Option<usize>,
-    /// Where it is in that link's frame, or in the base's.
+    /// Pose in that link's frame, or in the base's.
     pub pose: Isometry3<f64>,
 }
 
-/// Armature and damping of a free root, the same on its six DoFs: three rotations, three translations of its link's frame.
+/// Armature and damping of a floating root, the same on its six DoFs: three rotations, three translations of its link's
+/// frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FreeRoot {
     /// Inertia without weight (kg m^2, kg). It is included in the inertia of link 0, and compensated there.
@@ -84,29 +87,29 @@ pub struct FreeRoot {
 pub struct Robot {
     /// Name from its file.
     pub name: String,
-    /// Its base.
+    /// The base.
     pub base: Base,
-    /// Its moving links.
+    /// Moving links.
     pub links: Vec<Link>,
-    /// Armature and damping of a free root.
+    /// Armature and damping of a floating root.
     pub free: FreeRoot,
     /// Candidate contact points.
     pub contact_points: Vec<ContactPoint>,
-    /// Bodies of the file that hang on fixed joints (sole, IMU, tool), their own frames.
+    /// Frames of bodies on fixed joints (sole, IMU, tool).
     pub frames: Vec<FixedFrame>,
-    /// Number of joints that follow others, stored since sizes are needed in every step.
+    /// Number of mimic joints, cached since every step needs the sizes.
     followers: usize,
 }
 
 impl Robot {
-    /// A robot without links yet.
+    /// A robot without links.
     pub fn new(name: impl Into<String>, base: Base) -> Self {
         let free = FreeRoot::default();
         Self { name: name.into(), base, links: Vec::new(), free, contact_points: Vec::new(), frames: Vec::new(), followers: 0 }
     }
 
-    /// Makes the joint of a link follow a coordinate, or move by itself again. Coordinate indices refer to the final set of joints that
-    /// move by themselves.
+    /// Makes a link's joint a mimic joint, or independent again. Coordinate indices refer to the final set of
+    /// independent joints.
     pub fn follow(&mut self, link: usize, mimic: Option<Mimic>) {
         if let Some(joint) = &mut self.links[link].joint {
             joint.mimic = mimic;
@@ -114,13 +117,13 @@ impl Robot {
         self.followers = self.links.iter().filter(|l| l.joint.as_ref().is_some_and(|j| j.mimic.is_some())).count();
     }
 
-    /// Whether the root is free.
+    /// Whether the root is floating.
     #[inline]
     pub fn floating(&self) -> bool {
         self.base == Base::Floating
     }
 
-    /// DoF of the root: 6 if floating, else 0. [`Robot::dofs`] gives the DoF of a link's joint.
+    /// DoFs of the root: 6 if floating, else 0. [`Robot::dofs`] gives the DoF of a link's joint.
     #[inline]
     pub fn root_dofs(&self) -> usize {
         if self.floating() { 6 } else { 0 }
@@ -132,24 +135,25 @@ impl Robot {
         if self.floating() { 7 } else { 0 }
     }
 
-    /// Number of one-DoF joints that move by themselves.
+    /// Number of independent one-DoF joints.
     #[inline]
     pub fn joint_count(&self) -> usize {
         self.links.len() - usize::from(self.floating()) - self.followers
     }
 
-    /// Whether some joint follows another.
+    /// Whether the robot has mimic joints.
     #[inline]
     pub fn mimics(&self) -> bool {
         self.followers > 0
     }
 
-    /// A joint that follows another, if there is one.
+    /// The first mimic joint, if any.
     pub fn follower(&self) -> Option<&Joint> {
         self.links.iter().filter_map(|l| l.joint.as_ref()).find(|j| j.mimic.is_some())
     }
 
-    /// The index in `qd` of each link's joint; joints that follow one share its index. 0 for a floating root, the first of its six.
+    /// The index in `qd` of each link's joint, `[link]`; mimic joints share the index of their leader. 0 for a floating
+    /// root, the first of its six.
     pub fn dofs(&self) -> Vec<usize> {
         let (first, mut own) = (self.root_dofs(), 0);
         let of = |link: &Link| match &link.joint {
@@ -169,7 +173,7 @@ impl Robot {
         self.root_coords() + self.joint_count()
     }
 
-    /// Length of `qd`, `tau` and the side of the mass matrix.
+    /// Length of `qd` and `tau`, and the size of the mass matrix.
     #[inline]
     pub fn nv(&self) -> usize {
         self.root_dofs() + self.joint_count()
@@ -181,14 +185,14 @@ impl Robot {
         self.nq() + self.nv()
     }
 
-    /// Coordinates `q` of zeros, with the unit quaternion of a floating root.
+    /// Zero coordinates `q[nq]`, with the unit quaternion of a floating root.
     pub fn neutral(&self) -> Vec<f64> {
         let mut q = self.zero_state();
         q.truncate(self.nq());
         q
     }
 
-    /// A state `[q, qd]` of zeros, with the unit quaternion of a floating root.
+    /// Zero state `[q, qd]`, with the unit quaternion of a floating root.
     pub fn zero_state(&self) -> Vec<f64> {
         let mut state = vec![0.0; self.state_dim()];
         if self.floating() {
@@ -197,13 +201,19 @@ impl Robot {
         state
     }
 
-    /// The one-DoF joints that move by themselves, in the order of their coordinates.
+    /// A link and its ancestors, from the link to the root.
+    #[inline]
+    pub fn ancestors(&self, link: usize) -> impl Iterator<Item = usize> {
+        std::iter::successors(Some(link), |i| self.links[*i].parent)
+    }
+
+    /// The independent one-DoF joints, in the order of their coordinates.
     #[inline]
     pub fn joints(&self) -> impl Iterator<Item = &Joint> {
         self.links.iter().filter_map(|l| l.joint.as_ref()).filter(|j| j.mimic.is_none())
     }
 
-    /// The same, to be changed (armature, damping, limits).
+    /// As `Self::joints`, mutable (armature, damping, limits).
     pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
         self.links.iter_mut().filter_map(|l| l.joint.as_mut()).filter(|j| j.mimic.is_none())
     }
@@ -231,8 +241,9 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// Collision geometry of a link for an engine that has shapes: boxes and cylinders whose points are all contact points, and balls for
-    /// the other points. As balls of 1e-5 m, corners would catch on the ground: a sliding plate stops within a frame.
+    /// Collision geometry of a link for an engine with shapes: boxes and cylinders with all their contact points in
+    /// use, and balls for the other points. As balls of 1e-5 m, corners would catch on the ground: a sliding plate
+    /// stops within a frame.
     pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).cloned().collect();
         let mut shapes = Vec::new();
@@ -244,7 +255,7 @@ impl Robot {
                 shapes.push(shape.clone());
             }
         }
-        // A disc is one shape; each of its points describes it fully.
+        // A disc is one shape, so one of its three points suffices.
         points.retain(|p| !matches!(p.locus, Locus::Rim { turn, .. } if turn != 0.0));
         (shapes, points)
     }

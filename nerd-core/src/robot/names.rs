@@ -4,7 +4,7 @@ use crate::prelude::*;
 
 const LISTED: usize = 10;
 
-/// A robot has no part of this name.
+/// A robot has no part with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot `{robot}` has no {kind} `{name}`; {hint}")]
 pub struct UnknownName {
@@ -17,21 +17,21 @@ pub struct UnknownName {
 /// Indices of a joint: among the joints (the order of torques and drives), in `q` and in `qd`; and the link it carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JointIndex {
-    /// Among the joints that move by themselves.
+    /// Among the independent joints.
     pub joint: usize,
-    /// In coordinates `q`.
+    /// In `q`.
     pub q: usize,
-    /// In velocities `qd`, and in the torques of the dynamics.
+    /// In `qd` and `tau`.
     pub qd: usize,
-    /// Of its link.
+    /// Index of the link it carries.
     pub link: usize,
 }
 
 impl Robot {
-    /// A joint by name: `q[robot.joint("elbow")?.q] = 0.3`.
+    /// Indices of an independent joint by name: `q[robot.joint("elbow")?.q] = 0.3`.
     ///
     /// # Errors
-    /// If no joint of this name moves by itself; lists similar names.
+    /// If no independent joint has this name; lists similar names, or names the leader of a mimic joint.
     pub fn joint(&self, name: &str) -> Result<JointIndex, UnknownName> {
         let own = self.links.iter().enumerate().filter_map(|(link, l)| Some((link, l.joint.as_ref()?)));
         let (followers, moving): (Vec<_>, Vec<_>) = own.partition(|(_, joint)| joint.mimic().is_some());
@@ -45,10 +45,10 @@ impl Robot {
         })
     }
 
-    /// The index of a moving link by name.
+    /// Index of a moving link by name.
     ///
     /// # Errors
-    /// If there is none; names the link it is fixed on, or lists similar names.
+    /// If no moving link has this name; names the link it is fixed on, or lists similar names.
     pub fn link(&self, name: &str) -> Result<usize, UnknownName> {
         self.links.iter().position(|l| l.name == name).ok_or_else(|| {
             let hint = match self.frames.iter().find(|f| f.name == name).map(|f| f.link) {
@@ -60,10 +60,10 @@ impl Robot {
         })
     }
 
-    /// The frame of this name: a moving link's ([`Link::frame`]), or one fixed on a link (sole, IMU, tool) or on the base.
+    /// A frame by name: a moving link's ([`Link::frame`]), or one fixed on a link (sole, IMU, tool) or on the base.
     ///
     /// # Errors
-    /// If there is none; lists similar names.
+    /// If neither a link nor a frame has this name; lists similar names.
     pub fn frame(&self, name: &str) -> Result<FixedFrame, UnknownName> {
         if let Some(link) = self.links.iter().position(|l| l.name == name) {
             return Ok(FixedFrame { name: name.into(), link: Some(link), pose: self.links[link].frame });
@@ -77,7 +77,7 @@ impl Robot {
     }
 }
 
-/// The known names that resemble this one, or the first of all.
+/// Known names similar to this one, or the first few of all.
 fn near<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
     let alike = |k: &&&str| strsim::osa_distance(k, name) <= 2 || !name.is_empty() && (k.contains(name) || name.contains(**k));

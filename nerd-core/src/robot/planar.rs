@@ -1,15 +1,16 @@
-//! Planar joints: two slides and a turn about the normal, in that order, through two links that weigh nothing. The coordinates
-//! `(x, y, angle)` have no singularity, so this is exact. (Any three angles of a ball joint have one; it is refused.)
+//! Planar joints as two slides and a rotation about the normal, in that order, through two massless links. The
+//! coordinates `(x, y, angle)` have no singularity, so this is exact. (Any three angles of a ball joint have one; it is
+//! refused.)
 
 use nalgebra::Unit;
 
 use super::{Bodies, BodyJoint, BodyJointKind};
 use crate::prelude::*;
 
-/// Ending of the name of the last joint, which carries the child link.
+/// Suffix of the third joint, which carries the child link.
 pub(super) const TURN: &str = "turn";
 
-/// Refuses a file in which another joint or link has a name that a planar joint needs for its own parts.
+/// Refuses a file that gives another joint or link the name of a planar joint's part.
 pub(super) fn check_names(file: &Bodies) -> Result<(), UrdfError> {
     for planar in file.joints.iter().filter(|j| j.kind == BodyJointKind::Planar) {
         let given = |of: &str, name: &str| name.strip_prefix(of).is_some_and(|ending| [".x", ".y", ".turn"].contains(&ending));
@@ -25,12 +26,11 @@ pub(super) fn check_names(file: &Bodies) -> Result<(), UrdfError> {
     Ok(())
 }
 
-/// The two sliding links of a planar joint, to be added as links `next` and `next + 1`, and the joint that turns `child` on the second.
-/// `parent` is the moving link that carries the joint, and `origin` the joint's frame in it.
+/// The parts of a planar joint: two sliding links, to be added as links `next` and `next + 1`, and the hinge that
+/// carries `child`. `parent` is the moving link that carries the joint, and `origin` the joint's frame in it.
 pub(super) fn planar(source: &BodyJoint, child: &str, parent: Option<usize>, origin: Isometry3<f64>, next: usize) -> ([Link; 2], Joint) {
-    // The plane's axes x and y: the joint frame's, rotated so that z lies along the normal.
-    let tilt = UnitQuaternion::rotation_between(&Vector3::z(), &source.axis)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    // Axes x and y of the plane: the joint frame's, rotated so that z lies along the normal.
+    let tilt = rotation_from(&Vector3::z_axis(), &source.axis);
     let part = |word: &str, kind: JointKind, at: Isometry3<f64>, axis: Unit<Vector3<f64>>| {
         let mut joint = Joint::new(format!("{}.{word}", source.name), kind, at, axis);
         (joint.damping, joint.friction) = (source.damping, source.friction);

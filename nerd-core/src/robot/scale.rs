@@ -1,4 +1,4 @@
-//! The same robot, larger or smaller.
+//! Scales a robot to another size.
 
 use nalgebra::{Isometry3, Translation3, Vector3};
 
@@ -6,7 +6,8 @@ use super::{Base, JointKind, Robot, Shape, ShapeKind};
 use crate::spatial::BodyInertia;
 
 impl Robot {
-    /// All lengths times `factor` at the same masses: shapes, contact points, joint frames, centres of mass; inertias times its square.
+    /// Multiplies all lengths by `factor` at the same masses: shapes, contact points, joint frames, centres of mass.
+    /// Inertias grow by its square.
     pub fn scale(&mut self, factor: f64) {
         let own = self.contact_points == self.default_contact_points();
         if let Base::Fixed(pose) = &mut self.base {
@@ -56,8 +57,8 @@ impl Shape {
 }
 
 impl BodyInertia {
-    /// Spreads mass along axis `axis` of the link: multiplies its second moment there by `factor` and keeps the other two. So the inertia
-    /// stays one that a body can have.
+    /// Spreads mass along axis `axis` of the link: multiplies the second moment of mass along it by `factor` and keeps
+    /// the other two. So the inertia stays physically possible.
     pub fn spread(&mut self, axis: usize, factor: f64) {
         let mut moments = nalgebra::Matrix3::identity() * (0.5 * self.inertia.trace()) - self.inertia;
         moments.row_mut(axis).scale_mut(factor.sqrt());

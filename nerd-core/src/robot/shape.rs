@@ -1,22 +1,22 @@
-//! Primitive collision shapes and the points that represent them.
+//! Primitive collision shapes and their contact points.
 
 use crate::prelude::*;
 
-/// Radius of a corner or an edge (m).
+/// Radius of the contact ball at a corner or an edge (m).
 const SHARP: f64 = 1e-5;
 
 /// A primitive collision shape fixed on a link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shape {
-    /// Its pose in the link frame.
+    /// Pose in the link frame.
     pub pose: Isometry3<f64>,
-    /// Its form and size.
+    /// Type and size.
     pub kind: ShapeKind,
-    /// Index of its contact properties in the file's table, where a file has one.
+    /// Index of the contact properties in the file's table, if the file has one.
     pub surface: Option<usize>,
 }
 
-/// Primitive shapes, centred; lengths in m. Axes lie along z; a capsule's length is its straight part.
+/// Primitive shapes, centred at their pose; lengths in m. Axes lie along z; a capsule's length is its straight part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)]
 pub enum ShapeKind {
@@ -27,9 +27,9 @@ pub enum ShapeKind {
 }
 
 impl Shape {
-    /// The contact points of this shape on link `link`: a sphere's centre; the ends of a capsule's axis (the far one along +z
-    /// first); a box's corners (x fastest, negative first; radius 1e-5 m); three on either rim of a cylinder (radius 1e-5 m, the
-    /// far rim along +z first).
+    /// The contact points of this shape on link `link`: a sphere's centre; the ends of a capsule's axis (the +z end
+    /// first); a box's corners (x fastest, negative first; radius 1e-5 m); three on each rim of a cylinder (radius 1e-5
+    /// m, the +z rim first).
     pub fn contact_points(&self, link: usize) -> Vec<ContactPoint> {
         let at = |local: Vector3<f64>| self.pose.transform_point(&local.into()).coords;
         let point = |local: Vector3<f64>, radius: f64| ContactPoint::new(link, at(local), radius);

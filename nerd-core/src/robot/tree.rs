@@ -2,10 +2,10 @@
 //!
 //! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
-//! pose. A fixed base drops the root body's own inertia (it is bolted to the world), returns its shapes ([`UrdfRobot::base`]) and keeps
-//! fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Bodies on fixed joints are kept as frames.
-//! A joint that follows another has no coordinate of its own; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating joint makes the
-//! base free if it is the one joint of a root body that has nothing but a name (`world`).
+//! pose. A fixed base drops the root body's inertia, returns its shapes ([`UrdfRobot::base`]) and keeps the bodies
+//! fixed to it as frames; the root of a floating robot is link 0. Bodies on fixed joints become frames. A mimic joint
+//! adds no coordinate; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating joint makes the base free if it is
+//! the only joint of an empty root body (`world`).
 
 use super::lump::{joint, lump, shapes, sound};
 use super::planar::{TURN, check_names, planar};
@@ -13,11 +13,12 @@ use super::{Bodies, Body, BodyJoint, BodyJointKind, mimic::follow};
 use crate::prelude::*;
 
 impl UrdfRobot {
-    /// The robot of these bodies, on a base that is fixed (the root body is dropped) or floats (it is link 0). Contact points come from
-    /// [`Robot::default_contact_points`].
+    /// The robot of these bodies, on a base that is fixed (the root body is dropped) or floats (it is link 0). Contact
+    /// points come from [`Robot::default_contact_points`].
     ///
     /// # Errors
-    /// If the joints make no tree, nothing moves, or an inertia is impossible for a body; names the body or joint and the reason.
+    /// If the joints form no tree, nothing moves, or an inertia is physically impossible; names the body or joint and
+    /// the reason.
     pub fn of(bodies: &Bodies, base: Base) -> Result<Self, UrdfError> {
         check_names(bodies)?;
         let floating = base == Base::Floating;
@@ -39,8 +40,8 @@ impl UrdfRobot {
         Ok(read)
     }
 
-    /// The same for bodies to which nothing will be added: a joint that carries no mass has no dynamics, and is fixed at zero. Its bodies
-    /// become frames, and a note names it.
+    /// As `Self::of`, for a robot without later additions such as armature. A joint that carries no mass has no
+    /// dynamics, so it is fixed at zero: its bodies become frames, and a note names it.
     pub fn of_alone(bodies: &Bodies, base: Base) -> Result<Self, UrdfError> {
         let read = Self::of(bodies, base)?;
         let idle = idle(&read.robot);
@@ -60,7 +61,7 @@ impl UrdfRobot {
     }
 }
 
-/// Joints that carry no mass, neither themselves nor through joints that follow them.
+/// Joints that carry no mass, neither themselves nor through their mimic joints.
 fn idle(robot: &Robot) -> Vec<String> {
     let (links, dofs) = (&robot.links, robot.dofs());
     let mut carried: Vec<bool> = links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
@@ -78,7 +79,7 @@ fn idle(robot: &Robot) -> Vec<String> {
 struct Tree<'a> {
     file: &'a Bodies,
     root: usize,
-    /// The body above the root by a floating joint: a name for the world.
+    /// The body above a floating joint at the root: a name for the world.
     world: Option<usize>,
     children: Vec<Vec<&'a BodyJoint>>,
 }
@@ -113,10 +114,10 @@ impl<'a> Tree<'a> {
         }
     }
 
-    /// Adds the root and all below it; `host` is the moving link the root belongs to, `None` for the world.
+    /// Adds the root and all its descendants; `host` is the moving link of the root, `None` for a fixed base.
     fn add(&self, host: Option<usize>, read: &mut UrdfRobot) -> Result<(), UrdfError> {
-        // An explicit stack, so that a deep file cannot overflow the program's. An entry: body, the moving link above it, its pose there,
-        // and its moving joint, if any.
+        // An explicit stack, so that a deep tree cannot overflow the call stack. An entry: body, the moving link above
+        // it, its pose in that link, and its moving joint, if any.
         let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
         let mut seen: Vec<bool> = (0..self.file.bodies.len()).map(|i| Some(i) == self.world).collect();
         let mut followers = Vec::new();
@@ -154,7 +155,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// The floating joint of a root that has nothing but a name.
+/// The floating joint of a root body without mass and collision solids.
 fn floating_root<'a>(root: &Body, children: &[&'a BodyJoint]) -> Option<&'a BodyJoint> {
     let bare = root.inertia.mass == 0.0 && root.collisions.is_empty();
     match children {
@@ -163,7 +164,7 @@ fn floating_root<'a>(root: &Body, children: &[&'a BodyJoint]) -> Option<&'a Body
     }
 }
 
-/// A moving body, nothing lumped in yet.
+/// The link of a moving body, nothing lumped in yet.
 fn bare(source: &Body, parent: Option<usize>, joint: Option<Joint>) -> Link {
     Link { frame: source.frame, ..Link::new(source.name.clone(), parent, joint, BodyInertia::default()) }
 }

@@ -1,4 +1,4 @@
-//! Reads the bodies of a URDF through urdf-rs; refuses unsupported elements and names their link or joint.
+//! Reads the bodies of a URDF with urdf-rs. Unsupported elements are refused by link or joint.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,23 +9,23 @@ use super::xml::prepared;
 use super::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, Form, FreeRoot, ShapeKind, Solid, UrdfError};
 use crate::spatial::BodyInertia;
 
-/// Farthest place or angle of a pose (m, rad), end of a limit, and largest damping or dry friction.
+/// Largest coordinate of a pose (m, rad), joint limit, size, damping and dry friction (SI).
 const FAR: f64 = 1e9;
 
 impl Bodies {
-    /// Reads the text of a URDF; also returns the assumptions made where it is silent, a line each. A visual that cannot be read is left
-    /// out.
+    /// Reads the text of a URDF. Also returns the assumptions made where it is silent, one line each. A visual that
+    /// cannot be read is left out.
     ///
     /// # Errors
-    /// If the text cannot be honoured; names the link or joint and the reason. [`super::UrdfRobot::of`] checks whether the joints make a
-    /// tree.
+    /// If the text is refused; names the link or joint and the reason. [`super::UrdfRobot::of`] checks whether the
+    /// joints form a tree.
     pub fn from_urdf(xml: &str) -> Result<(Self, Vec<String>), UrdfError> {
-        // A byte-order mark is not part of the text.
+        // Skip a byte-order mark.
         let (plain, looks) = prepared(xml.trim_start_matches('\u{feff}'))?;
         if !plain.contains('<') {
             return Err(UrdfError::text("it has no element; the text of a URDF is needed, not its path"));
         }
-        // urdf-rs may panic on text that is no URDF at all; user input never does here.
+        // urdf-rs may panic on malformed text; user input must not.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
         let (mut index, mut names, mut notes) = (HashMap::new(), HashSet::new(), Vec::new());
@@ -68,7 +68,7 @@ fn body(source: &urdf_rs::Link, visuals: Vec<Solid>) -> Result<Body, UrdfError> 
         let pose = isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far"))?;
         let form = form(&collision.geometry);
         match &form {
-            // Engines assert on -0.
+            // -0.0 is refused too: physics engines assert on it.
             Form::Shape(kind) if !sizes(kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => {
                 Err(wrong("a collision shape has a negative size, or one that is not finite or absurd"))
             }
@@ -130,17 +130,17 @@ fn joint(source: &urdf_rs::Joint, [parent, child]: [usize; 2], notes: &mut Vec<S
     Ok(joint)
 }
 
-/// The ends of a hinge or a slide.
+/// Limits of a hinge or a slide.
 fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64; 2]>, UrdfError> {
     let (limit, wrong) = (&source.limit, |reason: &str| UrdfError::joint(&source.name, reason));
     match (limit.lower, limit.upper) {
-        // The defaults of a file that leaves both out; a joint that cannot move would be a fixed one.
+        // urdf-rs fills in zeros for missing limits. A joint with zero range would be a fixed one.
         (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
             notes.push(format!("joint `{}`: <limit> is missing or all zero, and limits nothing", source.name));
             Ok(None)
         }
         (lower, upper) if lower > upper => Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
-        // The meaning in URDF 1.2 of leaving both out, and the bounds that other tools write for it.
+        // URDF 1.2 leaves out both limits to mean none; other tools write huge ones.
         (lower, upper) if lower <= -FAR && upper >= FAR => {
             notes.push(format!("joint `{}`: <limit> has no bounds, and limits nothing", source.name));
             Ok(None)
@@ -187,7 +187,7 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
     }
 }
 
-/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and not absurdly far.
+/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and within `FAR`.
 fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
     let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
     let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= FAR);

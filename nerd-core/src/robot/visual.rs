@@ -1,10 +1,10 @@
-//! Visual shapes of the links of a URDF. They do not affect motion, so those that cannot be read are left out.
+//! Reads the visual shapes of a URDF's links. They do not affect motion, so unreadable ones are left out.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::{Form, ShapeKind, Solid};
 
-/// Farthest place or angle, and largest size (m, rad).
+/// Largest coordinate, angle and size (m, rad).
 const FAR: f64 = 1e6;
 
 /// The `<visual>`s of each link, in the order of the file.
@@ -14,14 +14,14 @@ pub(super) struct Looks(Vec<Vec<Visual>>);
 /// One `<visual>`, as far as it was read.
 #[derive(Default)]
 struct Visual {
-    /// `None` before its first `<origin>`; `Some(None)` if that cannot be read.
+    /// `None` before the first `<origin>`; `Some(None)` if that cannot be read.
     origin: Option<Option<Isometry3<f64>>>,
     geometries: usize,
     form: Option<Option<Form>>,
 }
 
 impl Looks {
-    /// An element, whose path of names from the root ends with it, and its attributes `(name, value)`.
+    /// Takes one element: `path` holds the element names from the root to it, `attributes` its `(name, value)` pairs.
     pub fn open(&mut self, path: &[&str], attributes: &[(String, String)]) {
         let ["robot", "link", inner @ ..] = path else { return };
         if inner.is_empty() {
@@ -40,7 +40,7 @@ impl Looks {
         }
     }
 
-    /// The solids of each link.
+    /// The visual solids, `[link][visual]`.
     pub fn solids(self) -> Vec<Vec<Solid>> {
         let solid = |visual: Visual| {
             Some(Solid { pose: visual.origin.unwrap_or(Some(Isometry3::identity()))?, form: visual.form??, surface: None })

@@ -1,5 +1,5 @@
-//! Elements and attributes of a URDF that determine how a robot moves: a misspelt one would silently change the robot, so it is refused.
-//! Others (transmissions, sensors, simulators' own) are ignored.
+//! Checks names of URDF elements and attributes that define the robot: a misspelt one would silently change it, so it
+//! is refused. Other elements (transmissions, sensors, simulators' extensions) are ignored.
 
 /// Attributes of the elements that we read.
 const ATTRIBUTES: [(&str, &[&str]); 15] = [
@@ -28,7 +28,7 @@ const CHILDREN: [(&str, &[&str]); 5] = [
     ("collision", &["origin", "geometry", "material", "verbose", "contact_coefficients"]),
 ];
 
-/// How many numbers an attribute of the elements above has; `None` for words.
+/// How many numbers an attribute holds; `None` for text.
 fn numbers(element: &str, attribute: &str) -> Option<usize> {
     match (element, attribute) {
         ("link" | "joint" | "parent" | "child", _) | ("mimic", "joint") => None,
@@ -37,17 +37,17 @@ fn numbers(element: &str, attribute: &str) -> Option<usize> {
     }
 }
 
-/// Root elements of other formats that are mistaken for URDF.
+/// Root elements of formats that are mistaken for URDF.
 const OTHERS: [(&str, &str); 3] = [("sdf", "an SDF file"), ("mujoco", "an MJCF file"), ("COLLADA", "a COLLADA mesh")];
 
-/// Largest number of letters by which a misspelt word differs.
+/// Largest edit distance of a misspelt word.
 const SLIPS: usize = 2;
 
 fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a str]> {
     table.iter().find(|(name, _)| *name == element).map(|(_, words)| *words)
 }
 
-/// Refuses an element that is no part of a URDF, is not supported, or looks misspelt; likewise its attributes `(name, value)`. `path` holds
+/// Refuses an element that is unknown, unsupported or misspelt; likewise its attributes `(name, value)`. `path` holds
 /// the element names from the root and ends with the element.
 pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<(), String> {
     let [root, rest @ ..] = path else { return Ok(()) };
@@ -65,7 +65,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     if rest == ["loop_joint"] {
         return Err("<loop_joint>: a closed loop is not supported; robots are trees".into());
     }
-    // Only in links and joints of the robot itself.
+    // Below the root, check only links and joints, without their visuals.
     if rest.len() > 1 && !matches!(rest[0], "link" | "joint") || rest.contains(&"visual") {
         return Ok(());
     }
@@ -108,7 +108,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     Ok(())
 }
 
-/// The known word that this one misspells. Words that resemble none are extensions, common in real files.
+/// The known word that `word` misspells. Words far from all known ones are extensions, common in real files.
 fn meant<'a>(known: &[&'a str], word: &str) -> Option<&'a str> {
     known.iter().find(|k| strsim::osa_distance(k, word) <= SLIPS).copied()
 }

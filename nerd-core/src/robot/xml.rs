@@ -1,5 +1,5 @@
-//! Preprocesses a URDF's text for urdf-rs: checks the elements that define the robot and reports line and element, drops elements that
-//! urdf-rs need not read, and fills in optional ones that it requires.
+//! Prepares a URDF's text for urdf-rs. Elements that define the robot are checked, and faults reported by line and
+//! element. Elements that urdf-rs need not read are dropped; optional ones that it requires are filled in.
 
 use std::borrow::Cow;
 
@@ -8,26 +8,26 @@ use quick_xml::events::{BytesStart, Event, attributes::Attribute};
 
 use super::{Solid, UrdfError, visual::Looks, words::check};
 
-/// Elements of a URDF may be nested this deep; urdf-rs recurses and would overflow the stack far beyond it.
+/// Greatest nesting depth. urdf-rs recurses and overflows the stack far beyond it.
 const DEEPEST: usize = 64;
-/// Elements that do not affect motion. Files often leave them unfinished, which urdf-rs refuses.
+/// Elements that do not affect motion. Files often leave them incomplete, which urdf-rs refuses.
 const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibration", "transmission"];
 
-/// An element on the way from the root.
+/// An open element on the path from the root.
 struct Open {
     name: String,
     own: String,
     children: Vec<String>,
 }
 
-/// The text for urdf-rs, and the visual shapes of each link.
+/// The text for urdf-rs, and the visual solids `[link][visual]`.
 pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfError> {
     if text.starts_with("version https://git-lfs") {
         return Err(UrdfError::text("it is a pointer of Git LFS; run `git lfs pull` for the file"));
     }
     let mut reader = Reader::from_str(text);
     let (mut out, mut path) = (String::with_capacity(text.len()), Vec::<Open>::new());
-    // Depth of the element that is being left out.
+    // Depth of the element that is being dropped.
     let (mut unread, mut looks) = (None, Looks::default());
     loop {
         let start = reader.buffer_position() as usize;
@@ -75,15 +75,15 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
     }
 }
 
-/// Why an element is refused, with its line and the link or joint that it is in.
+/// Error for a refused element, with its line and its link or joint.
 fn refused(path: &[Open], line: usize, reason: &str) -> UrdfError {
     let owner = path.get(1).filter(|open| ["link", "joint"].contains(&open.name.as_str()));
     let owner = owner.map_or_else(String::new, |open| format!(", {} `{}`", open.name, open.own));
     UrdfError::text(&format!("line {line}{owner}: {reason}"))
 }
 
-/// Fills in attributes of <limit> that URDF makes optional and urdf-rs requires: no bounds mean endless motion; effort and velocity are
-/// unknown.
+/// Fills in attributes of `<limit>` that URDF makes optional and urdf-rs requires: infinite bounds; zero effort and
+/// velocity, which mean unknown.
 fn fill(tag: &mut String, attributes: &[(String, String)]) {
     let has = |key: &str| attributes.iter().any(|(name, _)| name == key);
     let mut more = String::new();
@@ -96,7 +96,7 @@ fn fill(tag: &mut String, attributes: &[(String, String)]) {
     tag.insert_str("<limit".len(), &more);
 }
 
-/// Refuses the last element of the path if it lacks a child that defines the robot.
+/// Refuses the last element of the path if a required child is missing.
 fn whole(path: &[Open]) -> Result<(), String> {
     let [.., above, Open { name, children, .. }] = path else { return Ok(()) };
     let has = |child: &str| children.iter().any(|c| c == child);

@@ -1,4 +1,5 @@
-//! Jacobians, their rates and derivatives against differences, on random trees, some of whose joints follow others.
+//! Jacobians, their rates and analytic derivatives against central differences, on random trees, some with mimic
+//! joints.
 
 use super::common::*;
 use nalgebra::Vector6;
@@ -7,7 +8,7 @@ use nerd_core::tangent;
 
 const STEP: f64 = 1e-5;
 
-/// Every second robot with joints that follow others, two of three with weight taken off.
+/// The random robots: every second pair with mimic joints, two of three with gravity compensation.
 fn all() -> impl Iterator<Item = (Robot, Rng)> {
     robots().enumerate().map(|(k, (robot, mut rng))| {
         let mut own = if k % 4 < 2 { following(&mut rng, &robot) } else { robot };
@@ -20,7 +21,7 @@ fn all() -> impl Iterator<Item = (Robot, Rng)> {
 
 type Velocity = LocalVelocity<Vec<f64>>;
 
-/// Largest difference between derivatives and central differences of `f`, along every tangent at q and every rate.
+/// Largest relative error of `found` against central differences of `f`, along every tangent at q and every qd.
 fn off(robot: &Robot, found: &Derivatives, q: &[f64], qd: &Velocity, mut f: impl FnMut(&[f64], &Velocity) -> DVector<f64>) -> [f64; 2] {
     let nv = robot.nv();
     let mut worst = [(0.0f64, 1.0f64); 2];
@@ -59,7 +60,7 @@ fn derivatives_of_inverse_and_forward_dynamics() {
     }
 }
 
-/// Velocity of a frame from two poses `time` apart, in world axes and in its own.
+/// Velocity of a frame from two poses `time` apart, in world axes.
 fn went(ahead: Isometry3<f64>, behind: Isometry3<f64>, time: f64) -> Vector6<f64> {
     let turn = (ahead.rotation * behind.rotation.inverse()).scaled_axis() / time;
     let way = (ahead.translation.vector - behind.translation.vector) / time;
@@ -97,7 +98,7 @@ fn the_centre_of_mass_moves_by_its_jacobian() {
         let moves = data.com_jacobian(&robot, &q).1 * DVector::from_column_slice(&qd.0);
         let seen = rate(&robot, &q, &qd, STEP, |q| data.com_jacobian(&robot, q).0);
         assert!((&moves - seen).amax() < 1e-7, "{} m/s off", (&moves - seen).amax());
-        // The momentum of the robot is its mass times the velocity of the centre of mass.
+        // Linear momentum is mass times the velocity of the centre of mass.
         let totals = totals(&robot, &whole(&robot, &q, &qd), &mut data);
         let apart = (totals.momentum.lin - moves * totals.mass).amax();
         assert!(apart < 1e-12 * totals.momentum.lin.amax().max(1.0), "momentum {apart:.1e} off");
@@ -116,7 +117,7 @@ fn a_difference_leads_where_it_says() {
         assert!(gap(&rest, &vec![0.0; robot.nv()]) < 1e-12, "the difference leads elsewhere: {rest:?} is left");
         integrate(&robot, &a, &v.0, &mut there);
         difference(&robot, &a, &there, &mut way);
-        // Rotations below half a turn are recovered.
+        // `difference` recovers rotations below half a turn.
         assert!(gap(&way, &v.0) < 1e-12, "{way:?} is not the tangent that was followed");
     }
 }
@@ -126,18 +127,18 @@ fn gradients_by_numbers_are_those_of_the_tangent_space() {
     for (robot, mut rng) in robots() {
         let (q, qd) = state(&mut rng, &robot);
         let (state, nv) = (whole(&robot, &q, &qd), robot.nv());
-        let [slope, change] = [0; 2].map(|_| values(&mut rng, 2 * nv, 1.0));
-        let by = tangent::by_numbers(&robot, &state, &slope);
+        let [gradient, change] = [0; 2].map(|_| values(&mut rng, 2 * nv, 1.0));
+        let by = tangent::by_numbers(&robot, &state, &gradient);
         let mut back = vec![0.0; 2 * nv];
         tangent::numbers_back(&robot, &state, &by, &mut back);
-        assert!(gap(&back, &slope) < 1e-12, "{nv} DoF: there and back {:.1e}", gap(&back, &slope));
+        assert!(gap(&back, &gradient) < 1e-12, "{nv} DoF: there and back {:.1e}", gap(&back, &gradient));
         let [ahead, behind] = [STEP, -STEP].map(|h| {
             let mut out = state.clone();
             tangent::moved(&robot, &state, &change.iter().map(|x| x * h).collect::<Vec<_>>(), &mut out);
             out
         });
         let along: f64 = by.iter().zip(ahead.iter().zip(&behind)).map(|(by, (a, b))| by * (a - b)).sum::<f64>() / (2.0 * STEP);
-        let wanted: f64 = slope.iter().zip(&change).map(|(s, c)| s * c).sum();
+        let wanted: f64 = gradient.iter().zip(&change).map(|(s, c)| s * c).sum();
         assert!((along - wanted).abs() < 1e-7 * (1.0 + wanted.abs()), "{nv} DoF: {along} and {wanted} along a change");
     }
 }

@@ -1,7 +1,7 @@
 //! The dynamics follow from one kinetic and one potential energy, computed here from link poses and twists.
 //!
-//! Bounds: polarisation of the (quadratic) kinetic energy is exact up to rounding. A central difference with step h has an error of h^2
-//! times the third derivative plus 1e-16 E / h, both about 1e-8 of the largest term at h = 1e-5.
+//! Tolerances: polarisation of the (quadratic) kinetic energy is exact up to rounding. A central difference with step h
+//! errs by h^2 times the third derivative plus 1e-16 E / h. At h = 1e-5 both are about 1e-8 of the largest term.
 
 use super::common::*;
 
@@ -52,13 +52,13 @@ fn energy_changes_by_the_work_of_the_torques_alone() {
         let ((q, qd), tau) = (state(&mut rng, &robot), values(&mut rng, robot.nv(), 20.0));
         let mut data = Data::new(&robot);
         let qdd = data.forward_dynamics(&robot, &q, &qd, &tau, &GRAVITY).expect("inertia").clone();
-        // A parabola through the state touches the true motion to third order.
+        // A parabola through the state matches the true motion to third order.
         let [ahead, behind] = [H, -H].map(|h| {
             let along = |part: f64| LocalVelocity(qd.0.iter().zip(qdd.iter()).map(|(v, a)| v + part * h * a).collect::<Vec<_>>());
             energies(&robot, &moved(&robot, &q, &along(0.5), h), &along(1.0), &mut data).iter().sum::<f64>()
         });
         let (gained, work) = ((ahead - behind) / (2.0 * H), qd.0.iter().zip(&tau).map(|(v, t)| v * t).sum::<f64>());
-        // Kinetic and potential energy exchange far more than the torques bring: that is the scale of the error.
+        // The power exchanged between kinetic and potential energy exceeds the torques' power, so it sets the scale.
         let mass = data.mass_matrix(&robot, &q).diagonal();
         let scale = qdd.iter().zip(&qd.0).zip(mass.iter()).fold(work.abs().max(1.0), |m, ((a, v), _)| m.max((a * v).abs()));
         let off = (gained - work).abs() / scale;

@@ -1,8 +1,8 @@
-//! Joints that follow others: the dynamics equal the dynamics of all joints moving freely, projected onto the coordinates.
+//! Dynamics with mimic joints equal the dynamics of all joints as independent, projected onto the coordinates.
 
 use super::common::*;
 
-/// The robot whose joints all move by themselves, and `G` and `o` of `q_all = G q + o` (rates alike, without o).
+/// The robot with all joints independent, and `G`, `o` of `q_all = G q + o`, `qd_all = G qd`.
 fn unfolded(robot: &Robot) -> (Robot, DMatrix<f64>, DVector<f64>) {
     let mut all = robot.clone();
     (0..all.links.len()).for_each(|link| all.follow(link, None));
@@ -39,7 +39,7 @@ fn the_dynamics_are_those_of_all_joints_folded() {
         let mass = g.transpose() * many.mass_matrix(&all, &q_all) * &g;
         let apart = (one.mass_matrix(&robot, &q) - &mass).amax() / mass.amax();
         assert!(apart < 1e-12, "mass matrix: {apart:.1e} off");
-        // Forward dynamics undo inverse dynamics.
+        // Forward dynamics inverts inverse dynamics.
         let back = one.forward_dynamics(&robot, &q, &qd, tau.as_slice(), &GRAVITY).expect("inertia");
         let apart = back.iter().zip(&qdd).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(apart < 1e-8, "forward dynamics of {} coordinates: {apart:.1e} off", robot.nv());

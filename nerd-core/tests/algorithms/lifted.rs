@@ -1,9 +1,10 @@
-//! Gravity compensation, and armature and damping of a free root, compared with external forces and with their definitions.
+//! Gravity compensation, and armature and damping of a floating root, against external wrenches and the mass matrix.
 
 use super::common::*;
 use nerd_core::dynamics::crba;
 
-/// Gravity compensation equals an upward force at the compensated mass; a free root's damping equals a wrench at its frame.
+/// Gravity compensation equals an upward force at the compensated mass. A floating root's damping equals a wrench at
+/// its frame.
 #[test]
 fn lifted_mass_and_a_damped_root_are_wrenches_on_their_links() {
     for (robot, mut rng) in robots() {
@@ -29,7 +30,7 @@ fn lifted_mass_and_a_damped_root_are_wrenches_on_their_links() {
     }
 }
 
-/// Armature of a free root adds to the diagonal of its mass matrix, and has no weight.
+/// Armature of a floating root adds to the diagonal of the mass matrix, and has no weight.
 #[test]
 fn armature_of_a_free_root_is_on_the_diagonal() {
     for (robot, mut rng) in robots().filter(|(robot, _)| robot.floating()) {

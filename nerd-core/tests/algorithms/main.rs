@@ -1,4 +1,4 @@
-//! The algorithms of the dynamics against each other, against energies, differences and closed forms.
+//! Dynamics algorithms against each other, energies, finite differences and closed forms.
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -1,6 +1,6 @@
 //! Motions with a closed form: the cartpole, the double pendulum, a free rigid body.
 //!
-//! Bounds: closed forms of accelerations agree to rounding, 1e-13 of the largest.
+//! Tolerance: accelerations agree with closed forms to rounding, 1e-13 of the largest.
 
 use super::common::*;
 
@@ -62,7 +62,7 @@ fn a_free_body_obeys_eulers_equations() {
         let (body, r) = (robot.links[0].inertia, robot.pose(&q, &root).rotation.to_rotation_matrix());
         let inertia = r.matrix() * body.inertia * r.matrix().transpose();
         let (w, torque) = (Motion::from_slice(&qd.0).ang, Wrench::from_slice(&tau));
-        // I w_dot = n - w x I w, and m p_ddot = f + m g, where the twist's own rate would lack w x p_dot.
+        // I w_dot = n - w x I w, and m p_ddot = f + m g. The rate of the twist would lack w x p_dot.
         let turn = inertia.try_inverse().expect("a body has inertia") * (torque.ang - w.cross(&(inertia * w)));
         let push = torque.lin / body.mass + DOWN;
         let off = gap(qdd.as_slice(), &[turn.as_slice(), push.as_slice()].concat());

@@ -1,10 +1,10 @@
-//! Solving along the tree against the matrix and its factor.
+//! `TreeFactor` against the dense matrix and its inverse.
 
 use super::common::*;
 use nalgebra::Matrix6;
 use nerd_core::dynamics::{TreeFactor, crba};
 
-/// 6 x nv: the twist of a link about the origin, by DoF.
+/// Jacobian of a link's twist about the origin, 6 by `nv`.
 fn twists(robot: &Robot, data: &Data, link: usize) -> DMatrix<f64> {
     let mut j = DMatrix::zeros(6, robot.nv());
     for i in std::iter::successors(Some(link), |i| robot.links[*i].parent) {
@@ -37,7 +37,7 @@ fn a_solution_along_the_tree_is_that_of_the_matrix() {
             let joints: Vec<f64> = values(&mut rng, robot.joint_count(), 1.0).iter().map(|x| x.abs() * scale).collect();
             let press: Vec<Wrench> = robot.links.iter().map(|_| Wrench::from_slice(&values(&mut rng, 6, 1.0))).collect();
             let tau = values(&mut rng, robot.nv(), 1.0);
-            // M + sum J^T K J + diag e, and tau + sum J^T w, with all of it dense.
+            // Dense reference: M + sum J^T K J + diag e, and tau + sum J^T w.
             let (mut matrix, mut right) = (data.mass.clone(), DVector::from_column_slice(&tau));
             let moves: Vec<DMatrix<f64>> = (0..robot.links.len()).map(|i| twists(&robot, &data, i)).collect();
             for ((j, k), w) in moves.iter().zip(&links).zip(&press) {
@@ -53,12 +53,12 @@ fn a_solution_along_the_tree_is_that_of_the_matrix() {
             worst[0] = worst[0].max((DVector::from_vec(own) - &x).amax() / x.amax());
             tree.spread(&robot, &data);
             for (i, j) in moves.iter().enumerate() {
-                let (a, ease) = (j * &x, j * &inverse * j.transpose());
+                let (a, inv_mass) = (j * &x, j * &inverse * j.transpose());
                 worst[1] = worst[1].max((tree.acceleration(i).vector() - &a).amax() / (a.amax() + x.amax()));
-                worst[2] = worst[2].max((tree.eased(i, &press[i]).vector() - &ease * press[i].vector()).amax() / ease.amax());
+                worst[2] = worst[2].max((tree.response(i, &press[i]).vector() - &inv_mass * press[i].vector()).amax() / inv_mass.amax());
                 if robot.links[i].joint.is_some() {
                     let k = data.dof[i];
-                    worst[3] = worst[3].max((tree.ease(&robot, i) / inverse[(k, k)] - 1.0).abs());
+                    worst[3] = worst[3].max((tree.inv_mass(&robot, i) / inverse[(k, k)] - 1.0).abs());
                 }
             }
         }

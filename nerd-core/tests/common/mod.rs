@@ -9,7 +9,7 @@ use rand::RngExt;
 pub use rand::SeedableRng;
 pub use rand_chacha::ChaCha8Rng as Rng;
 
-/// Gravity of the tests (m/s^2), along no axis.
+/// Gravity of the tests (m/s^2), along no coordinate axis.
 pub const GRAVITY: Vector3<f64> = Vector3::new(0.4, -1.1, -9.7);
 
 pub fn vector3(rng: &mut Rng, scale: f64) -> Vector3<f64> {
@@ -28,7 +28,7 @@ pub fn pose(rng: &mut Rng, scale: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(vector3(rng, scale)), rotation(rng))
 }
 
-/// A physically possible body: second moments `a, b, c` of mass along rotated axes.
+/// A physically possible body: second moments of mass `a, b, c` along rotated axes.
 pub fn body(rng: &mut Rng) -> BodyInertia {
     let [a, b, c] = [0; 3].map(|_| rng.random_range(0.005..0.05));
     let r = rotation(rng).to_rotation_matrix();
@@ -36,7 +36,7 @@ pub fn body(rng: &mut Rng) -> BodyInertia {
     BodyInertia { mass: rng.random_range(0.5..2.0), com: vector3(rng, 0.2), inertia }
 }
 
-/// Compensates weight of each link, and gives a free root armature and damping.
+/// Compensates part of each link's weight, and gives a floating root armature and damping.
 pub fn lifted(rng: &mut Rng, robot: &mut Robot) {
     for link in &mut robot.links {
         link.lifted = PointMass { mass: rng.random_range(0.0..1.0), at: vector3(rng, 0.2) };
@@ -47,7 +47,7 @@ pub fn lifted(rng: &mut Rng, robot: &mut Robot) {
     }
 }
 
-/// A random tree with `joints` moving joints of all kinds, with armature, on a fixed or a floating base.
+/// A random tree with `joints` moving joints of all types, with armature, on a fixed or a floating base.
 pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
     let mut robot = Robot::new("random", if floating { Base::Floating } else { Base::Fixed(pose(rng, 1.0)) });
     if floating {
@@ -56,7 +56,7 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
     for k in 0..joints {
         let parent = match robot.links.len() {
             0 => None,
-            // Mostly chains, some branches, and on a fixed base some trees of their own.
+            // Mostly chains, some branches, and on a fixed base some separate trees.
             n if rng.random_range(0.0..1.0) < 0.6 => Some(n - 1),
             _ if !floating && rng.random_range(0.0..1.0) < 0.1 => None,
             n => Some(rng.random_range(0..n)),
@@ -70,7 +70,7 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
     robot
 }
 
-/// The same robot with some joints that follow others, which may be on other branches, above or below them.
+/// The robot with some joints made mimic joints. Their leaders may be on other branches, above or below them.
 pub fn following(rng: &mut Rng, robot: &Robot) -> Robot {
     let mut robot = robot.clone();
     let joints: Vec<usize> = (0..robot.links.len()).filter(|i| robot.links[*i].joint.is_some()).collect();
@@ -91,7 +91,7 @@ pub fn state(rng: &mut Rng, robot: &Robot) -> (Vec<f64>, LocalVelocity<Vec<f64>>
     (q, LocalVelocity(values(rng, robot.nv(), 1.0)))
 }
 
-/// The 24 robots most tests run on, 1 to 30 joints, every second one floating, each with a generator of its own.
+/// The 24 robots of most tests, with 1 to 30 joints, every second one floating, each with its random generator.
 pub fn robots() -> impl Iterator<Item = (Robot, Rng)> {
     (0..24u64).map(|seed| {
         let mut rng = Rng::seed_from_u64(seed);
@@ -117,7 +117,7 @@ pub fn moved(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, h: f64) -> 
     state
 }
 
-/// The rate of `f` at the state by differences over `2 h` s.
+/// Rate of `f` at the state by a central difference over `2 h` s.
 pub fn rate<T>(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, h: f64, mut f: impl FnMut(&[f64]) -> T) -> T
 where
     T: std::ops::Sub<Output = T> + std::ops::Div<f64, Output = T>,
@@ -126,26 +126,26 @@ where
     (ahead - behind) / (2.0 * h)
 }
 
-/// Accelerations by dense Cholesky of the mass matrix, an algorithm apart from ABA and from `Factor`.
+/// Accelerations by dense Cholesky of the mass matrix, independent of ABA and of `Factor`.
 pub fn dense(mass: &DMatrix<f64>, rhs: &[f64]) -> Vec<f64> {
     let factor = mass.clone().cholesky().expect("a mass matrix is positive definite");
     factor.solve(&DVector::from_column_slice(rhs)).as_slice().to_vec()
 }
 
-/// Largest difference, over the largest entry of `b` (or 1 if that is smaller).
+/// Largest absolute difference, divided by the largest entry of `b` or by 1 if that is larger.
 pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let scale = b.iter().fold(1.0f64, |m, x| m.max(x.abs()));
     a.iter().zip(b).fold(0.0f64, |m, (x, y)| if x.is_nan() || y.is_nan() { f64::NAN } else { m.max((x - y).abs()) }) / scale
 }
 
-/// `Rz Ry Rx`, written out.
+/// Rotation matrix `Rz Ry Rx`, written out.
 pub fn rpy([roll, pitch, yaw]: [f64; 3]) -> Matrix3<f64> {
     let about = |axis, angle| Rotation3::from_axis_angle(&axis, angle);
     *(about(Vector3::z_axis(), yaw) * about(Vector3::y_axis(), pitch) * about(Vector3::x_axis(), roll)).matrix()
 }
 
-/// `<link>` of 1 kg and 1 kg m^2 about each axis.
+/// A `<link>` of 1 kg and 1 kg m^2 about each axis.
 pub fn link(name: &str) -> String {
     let inertia = r#"<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>"#;
     format!(r#"<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>"#)
@@ -159,7 +159,7 @@ pub fn urdf(parts: &[String]) -> String {
     format!(r#"<robot name="r">{}</robot>"#, parts.concat())
 }
 
-/// The error message for a refused text, checked to be one line.
+/// The error message for a refused URDF, checked to be one line.
 pub fn refusal(text: &str, base: Base) -> String {
     let said = Robot::from_urdf(text, base).expect_err("a refusal").to_string();
     assert!(!said.contains('\n'), "more than one line: {said}");

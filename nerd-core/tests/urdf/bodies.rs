@@ -1,4 +1,4 @@
-//! Parts of a file's bodies that do not move still reach the robot: visuals, surfaces, hulls, and the bodies' own frames.
+//! Properties of a file's bodies besides motion reach the robot: visuals, surfaces, hulls, and body frames.
 
 use super::{common::*, refusals::ARM};
 use nerd_core::robot::{Bodies, Form, Hull, ShapeKind, Solid};
@@ -32,7 +32,7 @@ fn looks_are_read_and_those_that_cannot_be_are_left_out() {
     assert!(of("base").visuals.is_empty() && of("tip").visuals.is_empty() && notes.is_empty(), "{notes:?}");
 }
 
-/// On the arm with a tool welded on: contact points inherit each solid's surface, and a hull lies where its body is.
+/// With a tool welded to the arm: contact points inherit each solid's surface, and a hull lies where its body is.
 #[test]
 fn solids_keep_their_surfaces_where_they_are_lumped() {
     let (mut bodies, _) = Bodies::from_urdf(ARM).expect("bodies");
@@ -50,14 +50,14 @@ fn solids_keep_their_surfaces_where_they_are_lumped() {
     assert_eq!(meshes.iter().map(|mesh| mesh.surface).collect::<Vec<_>>(), [Some(5)]);
     let vertices = corners.into_iter().map(|v| v + Vector3::new(0.5, 0.0, 2.0)).collect();
     assert_eq!(hulls, [Hull { link: 0, vertices, surface: Some(4) }]);
-    // A fixed base has no link for a hull.
+    // A fixed base has no link to carry a hull.
     bodies.bodies[0].collisions = vec![bodies.bodies[2].collisions[1].clone()];
     let read = UrdfRobot::of(&bodies, Base::fixed()).expect("a robot");
     assert!(read.hulls.len() == 1 && read.notes.iter().any(|n| n.contains("link `base`: a mesh is on the fixed base")), "{:?}", read.notes);
 }
 
-/// A joint 0.3 m up on its body: the body's own frame is below the joint's, is the frame that its name means, and rotates with it. The same
-/// holds for a welded body.
+/// A joint 0.3 m up on its body: the body's frame lies below the joint's, `Robot::frame` returns it by name, and it
+/// rotates with the joint. The same holds for a welded body.
 #[test]
 fn a_body_by_name_is_where_its_file_has_it() {
     let (mut bodies, _) = Bodies::from_urdf(ARM).expect("bodies");
@@ -68,7 +68,7 @@ fn a_body_by_name_is_where_its_file_has_it() {
     let mut robot = UrdfRobot::of(&bodies, Base::fixed()).expect("a robot").robot;
     assert_eq!(robot.links[0].frame, below);
     let reach = |robot: &Robot, name: &str, length: f64, size: f64| {
-        // The shoulder is 1 m up and turns about y.
+        // The shoulder is 1 m up and rotates about y.
         let (q, hand) = (0.4f64, Vector3::new(0.4f64.sin() * length, 0.0, 1.0 + 0.4f64.cos() * length) * size);
         let found = robot.pose(&[q], &robot.frame(name).expect("a frame")).translation.vector;
         let off = (found - hand).norm();

@@ -1,4 +1,4 @@
-//! Reading URDFs: content and results.
+//! Reading and refusing URDFs.
 
 #[path = "../common/mod.rs"]
 mod common;

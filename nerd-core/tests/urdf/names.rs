@@ -2,7 +2,7 @@
 
 use super::common::*;
 
-/// A leg of two joints on a free trunk, a foot fixed on its shank, and a finger that follows the knee.
+/// A leg of two joints on a floating trunk. The foot is fixed to the shank; the toe's joint mimics the knee.
 fn leg() -> Robot {
     let [hip, knee] = ["hip", "knee"]
         .map(|n| joint(n, "continuous", if n == "hip" { "trunk" } else { "thigh" }, if n == "hip" { "thigh" } else { "shank" }, ""));
@@ -23,7 +23,7 @@ fn a_joint_is_set_by_name() {
     let mut q = robot.zero_state();
     q[knee.q] = std::f64::consts::PI;
     let foot = robot.pose(&q, &robot.frame("foot").expect("a foot")).translation.vector;
-    // Half a turn about the x axis, URDF's own where a file names none.
+    // Half a turn about the x axis, URDF's default axis.
     assert!((foot - Vector3::new(0.0, 0.0, 0.2)).norm() < 1e-15, "the foot is at {foot}");
 }
 

@@ -1,6 +1,13 @@
-//! Content that is read, and assumptions where a file is silent.
+//! The content of URDFs, and assumptions where a file is silent.
+
+use nerd_core::robot::Bodies;
 
 use super::{common::*, refusals::ARM};
+
+/// A robot to which nothing, such as armature, is added later.
+pub fn alone(text: &str) -> UrdfRobot {
+    UrdfRobot::of_alone(&Bodies::from_urdf(text).expect("bodies").0, Base::fixed()).expect("a robot")
+}
 
 fn read(text: &str) -> UrdfRobot {
     UrdfRobot::read(text, Base::fixed()).expect("a robot")
@@ -18,18 +25,18 @@ fn what_a_joint_says_is_read() {
 
 #[test]
 fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
-    // A joint without limits that cannot move would be a fixed one.
+    // A joint with limits of zero range would be a fixed one.
     let UrdfRobot { robot, notes, .. } = read(&changed(ARM, r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, ""));
     assert!(robot.joints().next().is_some_and(|j| j.limit.is_none() && j.wraps()));
     assert!(notes.len() == 1 && notes[0].contains("joint `shoulder`: <limit> is missing"), "{notes:?}");
-    // Links on fixed joints are frames.
+    // Bodies on fixed joints become frames.
     let frames: Vec<_> = robot.frames.iter().map(|f| (f.name.as_str(), f.link)).collect();
     assert_eq!(frames, [("base", None), ("tip", Some(0))]);
-    // A fixed link with an impossible inertia is noted, and accepted if the lumped link is sound.
+    // A fixed link with an impossible inertia is noted, and accepted if the lumped inertia is valid.
     let odd = link("tip").replace(r#"mass value="1""#, r#"mass value="0""#).replace("\"1\"", "\"-1e-3\"");
     let notes = read(&changed(ARM, r#"<link name="tip"/>"#, &odd)).notes;
     assert!(notes.iter().any(|n| n.contains("link `tip`: inertia is not positive")), "{notes:?}");
-    // Real files lack mass, break the triangle inequality and round; armature comes later.
+    // Real files lack mass, break the triangle inequality and round; armature may come later.
     for (from, to) in [(r#"mass value="2""#, r#"mass value="0""#), (r#"izz="1""#, r#"izz="9""#), (r#"ixz="0""#, r#"ixz="1e-20""#)] {
         read(&changed(ARM, from, to));
     }
@@ -39,14 +46,14 @@ fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
 fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
     let text = changed(ARM, r#"name="weld" type="fixed""#, r#"name="weld" type="continuous""#);
     assert_eq!(read(&text).robot.joint_count(), 2, "armature may come later");
-    let UrdfRobot { robot, notes, .. } = UrdfRobot::read_alone(&text, Base::fixed()).expect("a robot");
+    let UrdfRobot { robot, notes, .. } = alone(&text);
     assert_eq!((robot.joint_count(), robot.frames.iter().filter(|f| f.name == "tip").count()), (1, 1));
     assert!(notes.iter().any(|n| n.contains("joint `weld`: it carries no mass")), "{notes:?}");
-    assert_eq!(UrdfRobot::read_alone(ARM, Base::fixed()).expect("a robot"), read(ARM));
+    assert_eq!(alone(ARM), read(ARM));
 }
 
-/// A follower's limits become its leader's, through `q_b = -2 q_a + 0.1`; where the two leave no range, the leader's alone hold. An
-/// impossible inertia is noted.
+/// A mimic joint's limits narrow its leader's, through `q_b = -2 q_a + 0.1`. If no common range is left, the leader's
+/// limits stay. An impossible inertia is noted.
 #[test]
 fn a_follower_narrows_its_leader() {
     let limited =
@@ -78,14 +85,14 @@ fn a_urdf_says_what_follows_what() {
     assert_eq!((robot.nq(), robot.joint_count(), robot.links.len()), (1, 1, 3));
     let c = robot.links[2].joint.as_ref().and_then(|j| j.mimic().copied()).expect("it follows");
     assert!((c.multiplier - 6.0).abs() < 1e-12 && (c.offset - 0.1).abs() < 1e-12 && c.coordinate == 0, "{c:?}");
-    // Dampers act at the joint they brake: 0.5 (1 + 2^2 + 6^2), dry friction 0.1 (1 + 2 + 6).
+    // Damping at the leader: 0.5 (1 + 2^2 + 6^2); dry friction: 0.1 (1 + 2 + 6).
     let a = robot.joints().next().expect("a joint");
     assert!((a.damping - 20.5).abs() < 1e-12 && (a.friction - 0.9).abs() < 1e-12, "{} and {}", a.damping, a.friction);
-    // Whole multiples need no count of turns; others do.
+    // Integer multipliers allow a wrapped angle; others do not.
     assert!(a.wraps());
     let half = read(&text([r#"<mimic joint="ja" multiplier="0.5"/>"#, ""])).robot;
     assert!(!half.joints().next().expect("a joint").wraps());
-    // A missing joint cannot be followed.
+    // An unknown leader leaves the joint independent.
     let alone = read(&text([r#"<mimic joint="nobody"/>"#, ""]));
     assert_eq!(alone.robot.joint_count(), 3);
     assert!(alone.notes[0].contains("joint `jb`: <mimic> of `nobody`, which is not there"), "{:?}", alone.notes);
@@ -102,7 +109,7 @@ fn a_urdf_says_what_follows_what() {
 
 #[test]
 fn what_things_look_like_is_not_looked_at() {
-    // urdf-rs requires a file name for every texture; comments stay whole, whatever is in them.
+    // urdf-rs requires a file name for every texture. Comments are kept as they are.
     let weld = joint("j", "fixed", "tip", "l", "");
     for extra in [
         r#"<material name="a"><texture/></material>"#.into(),
@@ -119,7 +126,7 @@ fn what_things_look_like_is_not_looked_at() {
     ] {
         let robot = read(&ARM.replace("</robot>", &format!("{extra}</robot>"))).robot;
         assert_eq!((robot.mass(), robot.links[0].shapes.len()), (2.0, 1), "{extra}");
-        // Before all else, too, where what a reader loses is the robot.
+        // Also before the first link, where dropping too much would drop the robot.
         assert_eq!(read(&changed(ARM, "<link", "<material name=\"a>b\"/><link")).robot.links, robot.links[..1]);
     }
     let open = ARM.replace("</robot>", r#"<material name="a"></robot>"#);

@@ -1,4 +1,4 @@
-//! A URDF that cannot be honoured is refused by name, in one line; no text makes the reader overflow its stack, which urdf-rs
+//! Invalid URDFs are refused in one line that names the fault. No text overflows the reader's stack, which urdf-rs
 //! alone does from some ten thousand nested elements. The campaign of `xtask` changes URDFs at random.
 
 use super::common::*;
@@ -67,7 +67,7 @@ fn nesting_cannot_overflow_the_stack() {
     }
     let commented = changed(ARM, "<link", &format!("<!-- {} --><link", "<a>".repeat(1000)));
     assert!(Robot::from_urdf(&commented, Base::fixed()).is_ok(), "elements in a comment do not count");
-    // A chain of 2000 links is long, not deep.
+    // A chain of 2000 links is long, not deeply nested.
     let parts = (0..2001).map(|i| link(&format!("l{i}")));
     let joints = (0..2000).map(|i| joint(&format!("j{i}"), "continuous", &format!("l{i}"), &format!("l{}", i + 1), ""));
     let chain = Robot::from_urdf(&urdf(&parts.chain(joints).collect::<Vec<_>>()), Base::fixed()).expect("valid");
@@ -97,7 +97,7 @@ fn a_misspelt_word_is_no_other_robot() {
     assert!(refusal(&inertial, Base::fixed()).contains("<inertial>"));
 }
 
-/// Files may leave out elements that are not needed, and repeat others.
+/// Files may leave out optional elements, and repeat others.
 #[test]
 fn what_is_not_needed_may_be_missing_or_said_twice() {
     for (from, to) in [

@@ -1,10 +1,10 @@
-//! Joints of more than one DoF compared with their component joints.
+//! Joints with several DoFs against their component joints.
 
 use std::f64::consts::FRAC_PI_2;
 
-use super::common::*;
+use super::{common::*, reading::alone};
 
-/// A puck of 2 kg whose centre of mass is 0.3 m off the point that the joint carries, on a plane whose normal is `axis`.
+/// A puck of 2 kg on a plane with normal `axis`. Its centre of mass is 0.3 m off the joint's point.
 fn puck(axis: &str) -> String {
     format!(
         r#"<robot name="puck"><link name="table"/><link name="puck"><inertial><origin xyz="0.3 0 0"/><mass value="2"/>
@@ -26,7 +26,7 @@ fn a_planar_joint_is_a_puck_on_a_table() {
     let (m, d, inertia) = (2.0, 0.3, 0.2);
     let (q, qd, mut data) = ([0.4, -0.7, 0.9f64], [1.0, -2.0, 3.0], Data::new(&robot));
     let (sin, cos) = q[2].sin_cos();
-    // Kinetic energy of a puck, by hand; its rotation needs a force towards the middle, and nothing else.
+    // Closed form: the puck's rotation needs only a centripetal force.
     let by_hand = [m, 0.0, -m * d * sin, 0.0, m, m * d * cos, -m * d * sin, m * d * cos, inertia + m * d * d];
     assert!(gap(data.mass_matrix(&robot, &q).as_slice(), &by_hand) < 1e-14, "{}, {by_hand:?} by hand", data.mass_matrix(&robot, &q));
     let needed = [-m * d * cos * qd[2] * qd[2], -m * d * sin * qd[2] * qd[2], 0.0];
@@ -60,7 +60,7 @@ fn a_floating_joint_under_the_world_is_a_free_base() {
     assert_eq!(read, UrdfRobot::read(&urdf(&body), Base::Floating).expect("a robot"));
     let text = refusal(&under("", ""), Base::fixed());
     assert!(text.starts_with("joint `free`: it is floating, and makes the base free"), "{text}");
-    // Two free bodies are no tree of one robot.
+    // Two free bodies are not one tree.
     let more = format!("{}{}", r#"<link name="ball"/>"#, joint("weld", "fixed", "world", "ball", ""));
     let text = refusal(&under(&more, ""), Base::Floating);
     assert!(text.starts_with("joint `free`: a floating joint is read only"), "{text}");
@@ -73,7 +73,7 @@ fn a_planar_joint_without_mass_is_fixed_and_its_names_are_its_own() {
     let cart = link("cart") + &joint("rail", "prismatic", "table", "cart", r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#);
     let text = puck("0 0 1").replace("</robot>", &(cart + "</robot>"));
     let light = text.replace("\"2\"", "\"0\"").replace("\"0.1\"", "\"0\"").replace("\"0.2\"", "\"0\"");
-    let read = UrdfRobot::read_alone(&light, Base::fixed()).expect("a robot");
+    let read = alone(&light);
     let notes = read.notes.iter().filter(|n| n.contains("carries no mass")).count();
     assert_eq!((read.robot.joint_count(), notes), (1, 1), "{:?}", read.notes);
     for (from, to) in [("\"rail\"", "\"slide.x\""), ("\"cart\"", "\"puck.x\"")] {

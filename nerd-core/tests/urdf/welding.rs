@@ -1,7 +1,7 @@
-//! Fixed joints vanish without a trace: the robot read from a URDF with them is the robot worked out by hand.
-//! Also the order of links, joints and contact points.
+//! Fixed joints are lumped exactly: the robot read from a URDF equals the robot computed by hand. Also the order of
+//! links, joints and contact points.
 //!
-//! Bounds: the same sums in another order, so rounding only: 1e-13 of the largest entry.
+//! Tolerance: the same sums in another order, so rounding only: 1e-13 of the largest entry.
 
 use super::common::*;
 use nerd_core::robot::ShapeKind;
@@ -10,7 +10,7 @@ fn triple(v: &[f64]) -> String {
     format!("{:?} {:?} {:?}", v[0], v[1], v[2])
 }
 
-/// `<origin>` of a random pose, and the pose.
+/// A random pose as `<origin>`, rotation and position.
 fn origin(rng: &mut Rng) -> (String, Matrix3<f64>, Vector3<f64>) {
     let (x, angles) = (vector3(rng, 0.5), vector3(rng, 1.5));
     (format!(r#"<origin xyz="{}" rpy="{}"/>"#, triple(x.as_slice()), triple(angles.as_slice())), rpy(angles.into()), x)
@@ -39,7 +39,7 @@ fn fixed_links_are_welded_on_exactly() {
     let mut worst = 0.0f64;
     for seed in 0..50 {
         let mut rng = Rng::seed_from_u64(seed);
-        // base =fixed= arm =fixed= tool, and a moving wheel on the tool, its inertia turned in its link.
+        // base =fixed= arm =fixed= tool, and a moving wheel on the tool, its inertia rotated in its link.
         let bodies: [BodyInertia; 4] = std::array::from_fn(|_| BodyInertia { com: Vector3::zeros(), ..body(&mut rng) });
         let centres: [_; 4] = std::array::from_fn(|_| origin(&mut rng));
         let joints: [_; 3] = std::array::from_fn(|_| origin(&mut rng));
@@ -69,7 +69,7 @@ fn fixed_links_are_welded_on_exactly() {
         let place = robot.links[1].joint.as_ref().expect("moves").origin();
         worst = worst.max(gap(place.rotation.to_rotation_matrix().matrix().as_slice(), r.as_slice()));
         worst = worst.max(gap(place.translation.vector.as_slice(), x.as_slice()));
-        // The wheel alone: its inertia turned by rpy about its own centre.
+        // The wheel alone: its inertia rotated by rpy about its centre of mass.
         let turned = centres[3].1 * bodies[3].inertia * centres[3].1.transpose();
         worst = worst.max(gap(robot.links[1].inertia.inertia.as_slice(), turned.as_slice()));
     }
@@ -109,10 +109,10 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
     let points: Vec<_> = robot.contact_points.iter().map(|p| (p.local, p.radius, p.thickness)).collect();
     let mut expected = vec![(Vector3::new(10.0, 0.0, 1.0), 0.3)];
     for c in [[-1, -2, -3], [1, -2, -3], [-1, 2, -3], [1, 2, -3], [-1, -2, 3], [1, -2, 3], [-1, 2, 3], [1, 2, 3]] {
-        // Turned by 90 degrees about z: (x, y) to (-y, x).
+        // Rotated by 90 degrees about z: (x, y) to (-y, x).
         expected.push((Vector3::new(10.0 - f64::from(c[1]), f64::from(c[0]), 1.0 + f64::from(c[2])), 1e-5));
     }
-    // Three points on either rim of a cylinder.
+    // Three points on each rim of a cylinder.
     expected.extend([2.0, 2.0, 2.0, 0.0, 0.0, 0.0].map(|z| (Vector3::new(10.0, 0.0, z), 1e-5)));
     assert_eq!(points.len(), expected.len());
     for ((at, radius, thickness), (place, r)) in points.into_iter().zip(expected) {
@@ -122,7 +122,8 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
 
 #[test]
 fn spreading_a_box_along_itself_makes_it_longer() {
-    // Of 1 kg, edges a, b, c: second moments a^2 / 12, ...; twice as long along x: four times the first.
+    // A box of 1 kg, edges a, b, c, has second moments a^2 / 12, ...; twice the length along x gives four times the
+    // first.
     let of = |a: f64, b: f64, c: f64| Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0));
     let mut body = BodyInertia { mass: 1.0, com: Vector3::zeros(), inertia: of(0.3, 0.2, 0.1) };
     body.spread(0, 4.0);

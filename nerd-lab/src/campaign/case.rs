@@ -1,4 +1,5 @@
-//! A case: good files of a kind, changed, and read as whoever has such a file reads them. The same seed and number make the same files.
+//! Fuzz cases: valid files of one kind are mutated, then read as a user's files are. Equal seed and number give equal
+//! files.
 
 use nerd_sim::{log::Log, rollout::States};
 use nerd_tasks::FileTask;
@@ -7,11 +8,12 @@ use nerd_train::run::Recipe;
 use nerd_train::settings::Given;
 use rand::RngExt;
 
+use super::energy;
 use super::text::{Dice, Dictionary, byte};
 use super::tree::Element;
 use crate::prelude::*;
 
-/// What is changed.
+/// Kind of input that is mutated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, strum::VariantArray)]
 pub enum Kind {
     Mjcf,
@@ -25,15 +27,16 @@ pub enum Kind {
     Npz,
     Policy,
     Model,
+    Energy,
 }
 
 const MJCF: [&str; 4] =
     [include_str!("seeds/arm.xml"), include_str!("seeds/feet.xml"), include_str!("seeds/parts.xml"), include_str!("seeds/slide.xml")];
 const TASK: &str = "robot = \"cartpole\"\nsteps = 20\nframes = 2\nsubsteps = 4\nobservation = [\"q\", \"qd\", \"wide\"]\nreward = { up = \"cos(q[1])\", \
-                    calm = \"-0.1 * mean(action.squared())\" }\nover = \"norm(qd) > 100\"\nmiss = \"norm(q - [0, goal])\"\nallowed = \"0.1 rad\"\n[command]\n\
+                    calm = \"-0.1 * mean(action.squared())\" }\nterminated = \"norm(qd) > 100\"\nerror = \"norm(q - [0, goal])\"\ntolerance = \"0.1 rad\"\n[command]\n\
                     goal = \"U(-1, 1)\"\n[let]\nwide = \"max(q[0], 0.5 * goal)\"\n";
 const SETTINGS: &str = "environments = 64\nhorizon = 16\niterations = 10\nminibatch = 256\nepochs = 4\nhidden = [32, 32]\nactivation = \"relu\"\nstack = 2\n\
-                        spread_by_state = true\ngamma = 0.99\nlambda = 0.95\nclip = 0.2\ncritic = 4.0\nrate = 3e-4\nkl = 0.008\n";
+                        state_dependent_std = true\ngamma = 0.99\nclip_coef = 0.2\nlearning_rate = 3e-4\ntarget_kl = 0.008\n";
 const RECIPE: &str = "robot = \"pendulum\"\nout = \"out\"\nbase = \"trapezoid\"\nembedding = 48\nlayers = 2\nhistory = 4\ntransitions = 1000\nframes = 20\n\
                       torque-scale = -1\n[[run]]\nupdates = 100\nrate = 1e-3\n[[run]]\nupdates = 50\nhuber = 0.02\nminutes = 3\n";
 const LOG: &str = "file = \"log.npz\"\nrobot = \"pendulum\"\nscene = \"free\"\ntime = \"t\"\ncost = 60.5\nunits = { angle = \"rad\", time = \"s\" }\n[[joint]]\n\
@@ -41,7 +44,7 @@ const LOG: &str = "file = \"log.npz\"\nrobot = \"pendulum\"\nscene = \"free\"\nt
 const CSV: &str = "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0.1,0.2,0,0,1,0\n0,1,,,,,0.5,0\n1,0,-1,0.5,0,1,0,0\n1,1,,,,,0,0\n";
 const NPZ: &[u8] = include_bytes!("seeds/log.npz");
 
-/// What came of a case.
+/// Result of a case.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     Refused,
@@ -54,7 +57,7 @@ impl Kind {
         format!("{self:?}").to_lowercase()
     }
 
-    /// The files of a case, by name; the first is the one that is read.
+    /// Files of a case by name; the first file is the entry point.
     pub fn make(self, seed: u64, number: u64) -> Result<Vec<(String, Vec<u8>)>> {
         let dice = &mut stream(seed.wrapping_mul(31).wrapping_add(self as u64), number);
         let toml = |dice: &mut Dice, text: &str| {
@@ -94,6 +97,7 @@ impl Kind {
                 Dictionary::csv().change(dice, &mut text);
                 one("states.csv", text)
             }
+            Self::Energy => energy::draw(dice)?,
             Self::Policy | Self::Model => {
                 let (folder, names): (_, &[&str]) = match self {
                     Self::Policy => {
@@ -117,9 +121,9 @@ impl Kind {
         })
     }
 
-    /// Reads the files of a case in a folder, and moves what moves.
-    pub fn judge(self, folder: &Path, files: &[(String, Vec<u8>)]) -> Outcome {
-        // Each kind has its own, since files of others may mean something there.
+    /// Reads a case's files in `folder`; robots are also stepped.
+    pub fn judge(self, folder: &Path, files: &[(String, Vec<u8>)], card: bool) -> Outcome {
+        // A folder for each kind: files left by another kind could change the reading.
         let folder = &folder.join(self.name());
         let made = std::fs::create_dir_all(folder).err();
         if let Some(e) = made.or_else(|| files.iter().find_map(|(name, bytes)| std::fs::write(folder.join(name), bytes).err())) {
@@ -136,6 +140,11 @@ impl Kind {
             Self::Csv => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(States::read(&path, &s)?)).map(drop),
             Self::Policy => folder::load(folder).map_err(Error::from).map(drop),
             Self::Model => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(Model::load(folder, &s, None)?)).map(drop),
+            Self::Energy => match energy::judge(files, card) {
+                Ok(None) => Ok(()),
+                Ok(Some(gain)) => return Outcome::Fault(gain),
+                Err(e) => return Outcome::Fault(format!("{e:#}")),
+            },
         };
         match found {
             Ok(()) => Outcome::Accepted,
@@ -145,7 +154,7 @@ impl Kind {
     }
 }
 
-/// One of some texts with one to three changes.
+/// One of `texts` (XML), mutated one to three times.
 fn changed(dice: &mut Dice, texts: &[&str]) -> Result<Vec<u8>> {
     let trees = texts.iter().map(|text| Element::read(text)).collect::<Result<Vec<_>>>()?;
     let others: Vec<Element> = trees.iter().flat_map(Element::all).cloned().collect();
@@ -156,7 +165,7 @@ fn changed(dice: &mut Dice, texts: &[&str]) -> Result<Vec<u8>> {
     Ok(text.into())
 }
 
-/// A few frames of a robot from its default pose.
+/// Steps a robot two frames from its default pose.
 fn moved(system: Arc<System>) -> Result<()> {
     let scene = system.scene(system.usual_scenes()[0])?;
     let mut batch = Batch::new(&system, &scene, 1);

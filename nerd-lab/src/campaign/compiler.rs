@@ -1,11 +1,11 @@
-//! MuJoCo's compiler about changed MJCFs: what it refuses must not be accepted.
+//! Checks mutated MJCFs with MuJoCo's compiler: a file that MuJoCo refuses must not be accepted.
 
 use std::process::{Command, Stdio};
 
 use super::Kind;
 use crate::prelude::*;
 
-/// Files that one process is asked about.
+/// Most files compiled by one Python process.
 const TOGETHER: usize = 500;
 const ASK: &str = "
 import sys, mujoco
@@ -18,7 +18,7 @@ for k, name in enumerate(sys.stdin.read().split()):
         print(k, 'no', str(e).replace(chr(10), ' '), flush=True)
 ";
 
-/// Those of the cases by number that it refuses, and why.
+/// Numbers of the cases that MuJoCo refuses, each with the reason.
 pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, String)>> {
     let (mut found, mut at, bar) = (Vec::new(), 0, bar("compiled by MuJoCo", numbers.len() as u64));
     while at < numbers.len() {
@@ -45,7 +45,7 @@ pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, St
         if answers.is_empty() && !asked.status.success() && at == 0 {
             bail!("--mujoco {}: this Python has no MuJoCo", python.display());
         }
-        // One that ends the process is passed over.
+        // Skips a file that crashed the process.
         at += if answers.len() < some.len() { answers.len() + 1 } else { some.len() };
         bar.set(at as u64);
     }

@@ -1,9 +1,9 @@
-//! What a campaign found: counts, and faults by their sort.
+//! Results of a campaign: counts, and faults grouped by message.
 
 use super::Kind;
 use crate::prelude::*;
 
-/// Counts by kind, and what must not happen.
+/// Counts by kind (refused, accepted, faults), and the faults: kind, case number, message.
 #[derive(Clone, Debug, Default)]
 pub struct Found {
     pub counts: BTreeMap<Kind, [u64; 3]>,
@@ -11,7 +11,8 @@ pub struct Found {
 }
 
 impl Found {
-    /// What must not happen: of each sort, the most frequent first, how often, and one of them with how to try it again.
+    /// One line for each group of faults, the largest group first: its size, one example, and the options that repeat
+    /// it.
     pub fn lines(&self, seed: u64) -> Vec<String> {
         let mut sorts = BTreeMap::<(Kind, String), Vec<&(Kind, u64, String)>>::new();
         for fault in &self.faults {
@@ -36,7 +37,7 @@ impl Found {
     }
 }
 
-/// A fault without names and numbers.
+/// A fault's message without names and numbers, as the key of its group.
 fn sort(what: &str) -> String {
     let words = what.split(['\'', '`']).step_by(2).collect::<Vec<_>>().join("_");
     words.split(|c: char| c.is_ascii_digit() || ".-".contains(c)).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("#")

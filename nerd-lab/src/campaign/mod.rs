@@ -1,8 +1,10 @@
-//! Hostile input by the hundred thousand, in this process: files of every kind are changed at random and read, and robots moved a little. Each
-//! must be refused in words or accepted, without a panic and within ten seconds. `xtask`'s tests try command lines, and runs that are killed.
+//! Fuzzing in this process: files of every kind are mutated at random and read, and robots are stepped. Each case must
+//! be refused with a message or accepted, without a panic, within ten seconds. Robots on random grounds must not gain
+//! energy. `xtask`'s tests fuzz command lines and kill runs.
 
 mod case;
 mod compiler;
+mod energy;
 mod found;
 mod text;
 mod tree;
@@ -20,36 +22,42 @@ pub use case::{Kind, Outcome};
 pub use found::Found;
 pub use text::{Dictionary, byte, repeated};
 
-/// Longest that a case may take.
+/// Longest time of a case.
 const LIMIT: Duration = Duration::from_secs(10);
+/// Longest time of a case on a GPU, where kernels are compiled first.
+const CARD_LIMIT: Duration = Duration::from_secs(120);
 
 settings! {
-    /// What is tried.
+    /// Settings of a campaign.
     pub struct Campaign {
-        /// Cases in all, as many of each kind
+        /// Number of cases, shared equally among the kinds
         cases: u64 = 10_000, Whole(1..=1_000_000_000);
         /// Seed of the changes
         seed: u64 = 0, Whole(SEEDS);
-        /// Number of the first case of each kind, to try one again with --cases 1 and its --kinds
+        /// Number of the first case of each kind. With --cases 1 and --kinds it repeats a single case
         first: u64 = 0, Whole(SEEDS);
-        /// Kinds, comma-separated [default: all of mjcf, urdf, robot, task, settings, recipe, log, csv, npz, policy, model]
+        /// Kinds of input, comma-separated [default: all of mjcf, urdf, robot, task, settings, recipe, log, csv, npz,
+        /// policy, model, energy]
         kinds: Vec<String> = Vec::new(), Texts;
-        /// Python with MuJoCo, whose compiler is asked about every changed MJCF that is accepted
+        /// Python that has MuJoCo, whose compiler checks every changed MJCF that is accepted here [default: none]
         mujoco: Option<PathBuf> = None, Text;
         /// Folder to write the files of faults into [default: none is written]
         keep: Option<PathBuf> = None, Text;
+        /// Device of the solver in the kind energy: cpu, or cuda in f32
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
 }
 
 type Tried = (Kind, u64, Outcome);
 
-/// By worker, its case and when it began.
+/// Running cases by worker: the case and its start time.
 type Busy = BTreeMap<usize, ((Kind, u64), Instant)>;
 
-/// Cases that are given out, those under way by worker, and where outcomes go.
+/// State shared by the workers: cases to run, the next one, and the running ones.
 struct Desk {
     asked: Vec<(Kind, u64)>,
     seed: u64,
+    card: bool,
     next: AtomicU64,
     busy: Mutex<Busy>,
 }
@@ -67,6 +75,7 @@ impl Campaign {
         let desk = Arc::new(Desk {
             asked: (0..self.cases).map(share).collect(),
             seed: self.seed,
+            card: self.device == Device::Cuda,
             next: AtomicU64::new(0),
             busy: Mutex::default(),
         });
@@ -77,7 +86,7 @@ impl Campaign {
             workers += 1;
             std::thread::Builder::new().spawn(move || work(&desk, own, &give)).context("no thread for the campaign").map(drop)
         };
-        // A panic is caught and counted; its story would be told on standard error each time.
+        // Panics are caught and counted; the hook would print each one to standard error.
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(|_| ()));
         let begun = std::thread::available_parallelism().map_or(1, usize::from).min(self.cases as usize);
@@ -98,8 +107,8 @@ impl Campaign {
         Ok(found)
     }
 
-    /// Outcomes of all cases, and the numbers of the MJCFs that were accepted. Who takes too long is left alone, and another
-    /// one started.
+    /// Collects the outcomes of all cases, and the numbers of the accepted MJCFs. A worker over the time limit is
+    /// abandoned and replaced.
     fn gather(
         &self,
         desk: &Desk,
@@ -130,13 +139,14 @@ impl Campaign {
                 Err(RecvTimeoutError::Disconnected) => bail!("the campaign's threads have ended"),
             }
             let mut busy = desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
-            let over: Vec<_> = busy.extract_if(.., |_, (_, since)| since.elapsed() > LIMIT).map(|(_, (case, _))| case).collect();
+            let limit = if desk.card { CARD_LIMIT } else { LIMIT };
+            let over: Vec<_> = busy.extract_if(.., |_, (_, since)| since.elapsed() > limit).map(|(_, (case, _))| case).collect();
             drop(busy);
             for (kind, number) in over {
                 late.insert((kind, number));
                 done += 1;
                 found.counts.entry(kind).or_default()[2] += 1;
-                found.faults.push((kind, number, format!("over {} s", LIMIT.as_secs())));
+                found.faults.push((kind, number, format!("over {} s", limit.as_secs())));
                 start()?;
             }
             bar.set(done);
@@ -153,7 +163,8 @@ fn work(desk: &Desk, own: usize, give: &Sender<Tried>) {
         let Some(&(kind, number)) = desk.asked.get(k) else { return };
         let busy = || desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
         busy().insert(own, ((kind, number), Instant::now()));
-        let tried = catch_unwind(AssertUnwindSafe(|| kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files))));
+        let tried =
+            catch_unwind(AssertUnwindSafe(|| kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files, desk.card))));
         let outcome = match tried {
             Ok(Ok(outcome)) => outcome,
             Ok(Err(e)) => Outcome::Fault(format!("no case: {e:#}")),
@@ -162,7 +173,7 @@ fn work(desk: &Desk, own: usize, give: &Sender<Tried>) {
                 Outcome::Fault(format!("a panic: {}", said.unwrap_or_default()))
             }
         };
-        // Who was given up on ends.
+        // An abandoned worker ends.
         if busy().remove(&own).is_none() || give.send((kind, number, outcome)).is_err() {
             return;
         }

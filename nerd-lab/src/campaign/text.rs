@@ -1,19 +1,19 @@
-//! Changes of good text: of its numbers, its words, stretches of it, its bytes. The same dice make the same changes.
+//! Random edits of valid text: numbers, words, stretches of text, bytes. Equal dice give equal edits.
 
 pub use nerd_tasks::ChaCha8Rng as Dice;
 use rand::RngExt;
 
-/// Longest stretch that is copied or goes, in words and what is between them.
+/// Longest stretch that is copied or removed, in tokens.
 const STRETCH: usize = 60;
 
 pub struct Dictionary {
     words: Vec<String>,
-    /// Whether words end only at spaces, as on a command line; their numbers then come from the dictionary alone.
+    /// Whether words end only at spaces, as on a command line; numbers then come from the dictionary alone.
     spaced: bool,
 }
 
 impl Dictionary {
-    /// Of robots, of tables, of configurations, of TOML.
+    /// Dictionaries for robots, TOML, tables and model configurations.
     pub fn urdf() -> Self {
         Self::new(include_str!("words/urdf.txt"), false)
     }
@@ -30,14 +30,14 @@ impl Dictionary {
         Self::new(include_str!("words/model.txt"), false)
     }
 
-    /// From words in the first line, `''` for none, and whole lines below it.
+    /// Reads a dictionary: words in the first line (`''` is the empty word), whole lines below.
     pub fn new(text: &str, spaced: bool) -> Self {
         let (words, lines) = text.split_once('\n').unwrap_or((text, ""));
         let words = words.split(' ').map(|word| if word == "''" { String::new() } else { repeated(word) });
         Self { words: words.chain(lines.lines().map(|line| format!("\n{}\n", repeated(line)))).collect(), spaced }
     }
 
-    /// Changes a text up to four times, or not at all; sometimes its bytes, whatever they mean.
+    /// Edits a text up to four times, or not at all; now and then raw bytes.
     pub fn change(&self, dice: &mut Dice, bytes: &mut Vec<u8>) {
         for _ in 0..[0, 1, 1, 1, 1, 2, 2, 4][dice.random_range(0..8)] {
             match std::str::from_utf8(bytes) {
@@ -97,7 +97,7 @@ impl Dictionary {
     }
 }
 
-/// Changes a byte, or ends the bytes early.
+/// Changes, inserts or removes a byte, or truncates.
 pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
     let (at, new) = (dice.random_range(0..=bytes.len()), dice.random());
     match (dice.random_range(0..16), bytes.get_mut(at)) {
@@ -109,7 +109,7 @@ pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
     }
 }
 
-/// `@(/1*200000)@` stands for 200000 repetitions of `/1`.
+/// Expands `@(/1*200000)@` to 200000 repetitions of `/1`.
 pub fn repeated(text: &str) -> String {
     let found = text.split_once("@(").and_then(|(before, rest)| {
         let (inside, after) = rest.split_once(")@")?;

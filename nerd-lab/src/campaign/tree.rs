@@ -1,13 +1,13 @@
-//! Changes of XML by element and attribute: what is deleted, doubled, swapped, renamed, nested, and numbers that no file should have.
+//! Random edits of XML by element and attribute: delete, duplicate, swap, rename, nest, and set extreme values.
 
 use rand::RngExt;
 
 use super::text::Dice;
 use crate::prelude::*;
 
-/// Elements of a changed file at most: copies of copies of copies are no other case.
+/// Most elements of an edited file; copies of copies test nothing new.
 const MOST: usize = 400;
-/// What an attribute is given.
+/// Values that an attribute may be set to.
 const ODD: [&str; 14] =
     ["0", "-1", "1e300", "-1e300", "nan", "inf", "", "1e-300", "x", "0.5 0.5", "1 0 0 0 0 0 0", "true", "3", "2147483648"];
 
@@ -19,17 +19,16 @@ pub struct Element {
 }
 
 impl Element {
-    /// The root of a text that is XML; its texts are left out.
+    /// Parses XML into its root element; text nodes are dropped.
     pub fn read(text: &str) -> Result<Self> {
-        fn of(node: &roxmltree::Node) -> Element {
-            let attributes = node.attributes().map(|a| (a.name().into(), a.value().into())).collect();
+        fn of(node: roxmltree::Node) -> Element {
             Element {
                 name: node.tag_name().name().into(),
-                attributes,
-                children: node.children().filter(|n| n.is_element()).map(|n| of(&n)).collect(),
+                attributes: node.attributes().map(|a| (a.name().into(), a.value().into())).collect(),
+                children: node.children().filter(|n| n.is_element()).map(of).collect(),
             }
         }
-        Ok(of(&roxmltree::Document::parse(text)?.root_element()))
+        Ok(of(roxmltree::Document::parse(text)?.root_element()))
     }
 
     pub fn write(&self, out: &mut String) {
@@ -48,7 +47,7 @@ impl Element {
         1 + self.children.iter().map(Self::count).sum::<usize>()
     }
 
-    /// An element by number, the root first.
+    /// The k-th element in depth-first order; 0 is the root.
     fn at(&mut self, mut k: usize) -> &mut Self {
         let Some(next) = k.checked_sub(1) else { return self };
         k = next;
@@ -62,19 +61,19 @@ impl Element {
         self
     }
 
-    /// All of its elements.
+    /// This element and all below it, in depth-first order.
     pub fn all(&self) -> Vec<&Self> {
         std::iter::once(self).chain(self.children.iter().flat_map(Self::all)).collect()
     }
 
-    /// Changes it once; `others` are elements of files of its kind.
+    /// Makes one random edit; `others` are elements of valid files of the same kind.
     pub fn change(&mut self, dice: &mut Dice, others: &[Self]) {
         let n = self.count();
         let [a, b] = [(); 2].map(|()| dice.random_range(0..n));
         let other = others[dice.random_range(0..others.len())].clone();
         match dice.random_range(0..16) {
-            0 => self.thin(dice, a, |_, _| None),
-            1 if n < MOST => self.thin(dice, a, |child, _| Some(vec![child.clone(), child])),
+            0 => self.thin(dice, a, |_| Vec::new()),
+            1 if n < MOST => self.thin(dice, a, |child| vec![child.clone(), child]),
             2 => {
                 let own = self.at(a);
                 let m = own.children.len();
@@ -83,7 +82,7 @@ impl Element {
                     own.children.swap(x, y);
                 }
             }
-            // One within another, and what stands elsewhere.
+            // Copies an element into another one.
             3 if n < MOST => {
                 let moved = self.at(a).clone();
                 self.at(b).children.push(moved);
@@ -104,7 +103,7 @@ impl Element {
                     self.at(a).set(key, value);
                 }
             }
-            // Another object's key, unchanged, with this value.
+            // Renames an attribute to another element's key and keeps the value.
             10 => {
                 let own = self.at(a);
                 if let (Some((key, _)), false) = (other.attributes.first(), own.attributes.is_empty()) {
@@ -114,7 +113,7 @@ impl Element {
                 }
             }
             _ => {
-                // The next that has some.
+                // The next element with attributes.
                 if let Some(own) = (a..n).chain(0..a).find(|k| !self.at(*k).attributes.is_empty()) {
                     let own = self.at(own);
                     let k = dice.random_range(0..own.attributes.len());
@@ -131,18 +130,18 @@ impl Element {
         }
     }
 
-    /// A child of an element becomes what `of` makes of it.
-    fn thin(&mut self, dice: &mut Dice, at: usize, of: impl Fn(Self, usize) -> Option<Vec<Self>>) {
+    /// Replaces a random child of an element by the elements that `of` returns.
+    fn thin(&mut self, dice: &mut Dice, at: usize, of: impl Fn(Self) -> Vec<Self>) {
         let own = self.at(at);
         if !own.children.is_empty() {
             let k = dice.random_range(0..own.children.len());
             let child = own.children.remove(k);
-            of(child, k).into_iter().flatten().rev().for_each(|child| own.children.insert(k, child));
+            own.children.splice(k..k, of(child));
         }
     }
 }
 
-/// Another value: one of its words changed, or all of it.
+/// An edited attribute value: one word changed, or all of it.
 fn value(dice: &mut Dice, text: &str) -> String {
     let odd = ODD[dice.random_range(0..ODD.len())];
     let mut words: Vec<String> = text.split_whitespace().map(String::from).collect();

@@ -1,5 +1,5 @@
-//! Policies carried to MuJoCo (sim-to-sim): exported as ONNX with a contract, and played there by somebody else's runtime from these alone,
-//! beside the same games in the truth.
+//! Sim-to-sim transfer of policies to MuJoCo. Policies are exported as ONNX with a contract, and another runtime plays
+//! them from these files alone. The same episodes run in the truth.
 
 use nerd_tasks::named;
 use nerd_train::{onnx, ppo::Policy, ppo::folder, shipped::from_root};
@@ -10,16 +10,17 @@ use crate::mujoco::player::{self, Model, Played};
 use crate::{mujoco::Settings, prelude::*};
 
 settings! {
-    /// Policies by their ONNX and contract alone, in MuJoCo.
+    /// Settings: policies played in MuJoCo by their ONNX and contract alone.
     pub struct Carried {
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
-        /// Contact and solver of MuJoCo: those of the robot's MJCF (file), our contact translated (ours), or one after the other (both)
+        /// Contact and solver of MuJoCo: file (the robot's MJCF), ours (our contact, translated) or both (one after the
+        /// other)
         settings: String = "both".into(), Words(&["both", "file", "ours"]);
         /// Python that has mujoco, numpy and onnxruntime
         mujoco: PathBuf = "python3".into(), Text;
-        /// Games of each policy
-        games: usize = 32, Whole(STARTS);
+        /// Episodes of each policy
+        episodes: usize = 32, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
     }
@@ -28,7 +29,7 @@ settings! {
 const FILE: &str = "MuJoCo, file";
 const OURS: &str = "MuJoCo, ours";
 
-/// Games of a policy in one simulator, and of one that keeps still.
+/// Episodes of a policy in one simulator, and of the zero-action policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub task: String,
@@ -36,11 +37,12 @@ pub struct Row {
     pub simulator: String,
     pub reward: Reward,
     pub still: Reward,
-    /// (reward - keeps still) / (the truth's - keeps still); none where the truth's policy earns no more than one that keeps still.
+    /// (reward - still) / (reward in the truth - still in the truth); none where the truth's policy earns no more than
+    /// the zero-action policy.
     pub share: Option<f64>,
-    /// Games that ended in a terminal state.
+    /// Episodes that ended in a terminal state.
     pub fallen: usize,
-    /// In MuJoCo.
+    /// Data of MuJoCo runs.
     pub there: Option<There>,
 }
 
@@ -51,7 +53,7 @@ pub struct There {
     pub settings: Settings,
 }
 
-/// A policy, or one whose actions are 0, with its model and contract in a folder.
+/// A policy, or the zero-action policy, exported as a model with its contract.
 struct Exported {
     policy: Policy,
     onnx: PathBuf,
@@ -63,7 +65,7 @@ impl Carried {
         Policies { policy: self.policy.clone(), ..Policies::default() }.folders()
     }
 
-    /// A policy's rows; empty, with a note, if its contract alone does not suffice to play it in MuJoCo.
+    /// Rows of a policy. Empty, with a note, if the contract does not suffice to play it in MuJoCo.
     fn rows(&self, path: &Path) -> Result<Vec<Row>> {
         let (folder::PolicyConfig { task, .. }, policy) = folder::load(path)?;
         let (own, temporary) = (named(&task)?, tempfile::tempdir()?);
@@ -86,7 +88,7 @@ impl Carried {
             }
             tell!("{said}: it is played with ours alone");
         }
-        let arena = Arena::Truth(Truth::Articulated);
+        let arena = Arena::Solver(SolverSpec::default());
         let mut rows = Vec::new();
         let mut add = |simulator: &str, [games, still]: [Vec<nerd_train::ppo::Game>; 2], fallen: usize, there: Option<There>| {
             let (reward, still) = (Reward::of(&games), Reward::of(&still));
@@ -96,7 +98,7 @@ impl Carried {
             let most = beyond(rows.first().unwrap_or(&row));
             rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
         };
-        let here = both.each_ref().map(|own| games(&task, &arena, &own.policy, self.games, self.seed));
+        let here = both.each_ref().map(|own| games(&task, &arena, &own.policy, self.episodes, self.seed));
         let [here, stood] = here.into_iter().collect::<Result<Vec<_>>>()?.try_into().unwrap_or_default();
         let ended = here.iter().filter(|game| game.length < own.episode_length() as f64).count();
         add("truth", [here, stood], ended, None);
@@ -104,7 +106,7 @@ impl Carried {
         for (word, simulator, model) in models {
             let Some(model) = model.filter(|_| self.settings == word || self.settings == "both") else { continue };
             let play = |own: &Exported| {
-                let episodes = arena.episodes(&task, self.games, self.seed)?;
+                let episodes = arena.episodes(&task, self.episodes, self.seed)?;
                 player::play(&self.mujoco, model, &own.onnx, &own.contract, &own.policy, episodes)
             };
             match play(&both[0]).and_then(|played| Ok((played, play(&both[1])?))) {
@@ -112,7 +114,7 @@ impl Carried {
                     let there = There { versions, apart, settings };
                     add(simulator, [games, still.games], fallen, Some(there));
                 }
-                // The other may be played all the same.
+                // The other setting may still succeed.
                 Err(error) if self.settings == "both" && file.is_some() => {
                     tell!("{}: not played with --settings {word}: {error}", from_root(path))
                 }
@@ -132,8 +134,8 @@ fn mjcf_of(robot: &str) -> Option<PathBuf> {
     nerd_sim::mjcf::is_mjcf(&text).then(|| robot.into())
 }
 
-/// What differs between MuJoCo with the settings of a policy's file and with ours, in a line for each policy; of one that was played with those of
-/// the file alone all of them.
+/// A line for each policy: settings that differ between the file's and ours, or all settings if only the file's were
+/// played.
 fn differences(rows: &[Row]) -> String {
     let line = |k: usize| {
         let settings = |row: &Row| row.there.as_ref().map(|there| there.settings.clone());
@@ -159,7 +161,7 @@ impl Experiment for Carried {
             depend(&mut inputs, &folder::load(path)?.0.task, Truth::Articulated)?;
             inputs.add(Input::policy(path)?);
         }
-        Ok(About { name: "carried".into(), seed: self.seed, effort: (self.games * folders.len()) as f64, inputs })
+        Ok(About { name: "carried".into(), seed: self.seed, effort: (self.episodes * folders.len()) as f64, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
@@ -168,7 +170,7 @@ impl Experiment for Carried {
         let line = |r: &Row| {
             let word = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.standard_error);
             let share = r.share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
-            let falls = format!("{} of {}", r.fallen, self.games);
+            let falls = format!("{} of {}", r.fallen, self.episodes);
             let gaps = r.there.as_ref().map_or([None; 3], |there| {
                 let player::Gaps { observation, action, torque } = there.apart;
                 [Some(observation), Some(action), (there.settings.control == "torques").then_some(torque)]

@@ -1,5 +1,5 @@
-//! What is measured of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
-//! `NAME/result.json`, `NAME/README.md` and its pictures.
+//! Measurements of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
+//! `NAME/result.json`, `NAME/README.md` and its figures.
 
 pub mod calibrated;
 #[cfg(feature = "cuda")]
@@ -18,13 +18,13 @@ use serde_json::{Map, Value};
 use crate::report::artifact::{Artifact, may_write};
 use crate::{prelude::*, report::Provenance};
 
-/// What a result is called, measured from and worth.
+/// Name, inputs and effort of a result.
 #[derive(Clone, Debug, Default)]
 pub struct About {
-    /// `results/NAME`.
+    /// Folder name in `results`.
     pub name: String,
     pub seed: u64,
-    /// What a better measurement has more of: rollouts times frames, games, updates.
+    /// Size of the measurement, such as rollouts times frames or episodes; a smaller one never replaces a larger one.
     pub effort: f64,
     pub inputs: Inputs,
 }
@@ -38,7 +38,7 @@ pub trait Experiment {
 
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
-    /// By name, as the result's file has it.
+    /// Fields of the result's file, by name.
     pub data: Map<String, Value>,
     pub tables: Vec<Table>,
     pub figures: Vec<(String, Figure)>,
@@ -59,8 +59,8 @@ impl Measured {
     }
 }
 
-/// Measures an experiment and writes its result into its own folder in `out`. A result with more behind it is never overwritten
-/// ([`may_write`]), which is checked before anything is measured.
+/// Measures an experiment and writes its result into its own folder in `out`. A result with more effort is never
+/// overwritten ([`may_write`]); this is checked before measuring.
 pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let About { name, seed, effort, inputs } = experiment.about()?;
     let provenance = Provenance::now(seed);

@@ -1,13 +1,13 @@
-//! Who gives the torques.
+//! Sources of torques.
 
 use nerd_tasks::Episodes;
 use nerd_train::ppo::{Actor, Running};
 
 use crate::prelude::*;
 
-/// Who gives the torques, and what they move.
+/// A simulation with its source of torques.
 pub enum Act {
-    /// Nobody, or the robot's own law towards its rest pose.
+    /// No torques, or the robot's own control law towards the default pose.
     Alone(Simulation),
     /// A policy in its task.
     Policy(Box<(Episodes, Running, Actor)>),
@@ -33,7 +33,8 @@ impl Act {
         self.simulation().batch.system.frame_time * frames as f64
     }
 
-    /// One step, for which `law` moves a robot alone: torques of the first environment `[frame][joint]`, and whether its episode ended.
+    /// Steps once; `law` gives the torques of a robot without a policy. Returns the first environment's torques
+    /// `[frame][joint]`, and whether its episode ended.
     pub(super) fn step(&mut self, law: Option<&mut Controller>) -> Result<(Vec<f64>, bool), StepError> {
         let joints = self.simulation().batch.system.robot.joint_count();
         match self {
@@ -63,7 +64,7 @@ impl Act {
         }
     }
 
-    /// Back to the start; of a policy, the next episodes.
+    /// Restarts at `start`; a policy begins its next episodes.
     pub(super) fn reset(&mut self, start: &[f64]) {
         match self {
             Self::Alone(simulation) => {

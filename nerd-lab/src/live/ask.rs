@@ -1,4 +1,4 @@
-//! What a visitor may ask for.
+//! Requests of the page.
 
 use serde::Deserialize;
 
@@ -10,39 +10,39 @@ use super::menu::MOST;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", content = "to", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Ask {
-    /// Stop, or go on.
+    /// Pauses or resumes.
     Pause(bool),
-    /// One frame.
+    /// Steps one frame.
     Step,
-    /// Back to the start; of a policy, the next episode.
+    /// Restarts; a policy begins its next episode.
     Reset,
-    /// Another solver, from the present state: its place in the list.
+    /// Swaps the solver, from the present state: index in the list.
     Solver(usize),
-    /// Substeps of a frame, of a solver that has them: from 1 to 64.
+    /// Substeps of a frame, for solvers with a choice: from 1 to 64.
     Substeps(usize),
-    /// Another robot: its place in the list.
+    /// Selects a robot: index in the list.
     Robot(usize),
-    /// Another scene of the robot: its place in the list.
+    /// Selects a scene of the robot: index in the list.
     Scene(usize),
-    /// A policy in its task: its place in the list, from 1; 0: none.
+    /// Selects a policy in its task: number in the list, from 1; 0 for none.
     Policy(usize),
-    /// So many environments side by side: from 1 to [`super::MOST`].
+    /// Number of environments side by side: from 1 to [`super::MOST`].
     Envs(usize),
-    /// Whether the truth moves along, from the present state.
+    /// Whether the truth runs along, from the present state.
     Ghost(bool),
-    /// Whether joints without a policy hold the rest pose, or hang.
+    /// Whether joints without a policy hold the default pose, or are limp.
     Hold(bool),
     /// Friction coefficient: from 0 to 4.
     Friction(f64),
-    /// Gravity along the scene's own direction: from 0 to 30 m/s^2.
+    /// Gravity along the scene's direction: from 0 to 30 m/s^2.
     Gravity(f64),
-    /// A spring from a link, by its number, at a point (m, its axes) to a place in the world (m), until [`Ask::Release`].
+    /// Pulls a link (by index) with a spring from a point (m, link axes) to a target (m, world) until [`Ask::Release`].
     Drag(usize, [f64; 3], [f64; 3]),
-    /// No spring.
+    /// Removes the spring.
     Release,
 }
 
-/// Farthest place that a link is dragged to (m).
+/// Farthest coordinate of a drag (m).
 const FAR: f64 = 1e3;
 
 impl Ask {

@@ -1,4 +1,4 @@
-//! Many environments at once: of each link one line.
+//! Draws many environments with one line for each link.
 
 use nalgebra::Point3;
 use nerd_core::dynamics::link_pose;
@@ -10,11 +10,11 @@ use crate::prelude::*;
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Stick {
     hue: f64,
-    /// How thick (m).
+    /// Thickness (m).
     width: f64,
     #[serde(skip)]
     link: usize,
-    /// In the link's axes.
+    /// In link axes (m).
     #[serde(skip)]
     ends: [Point3<f64>; 2],
 }
@@ -34,7 +34,7 @@ impl Stick {
         Some(Self { hue: solid.hue, width: 2.0 * thick, link: solid.link?, ends: [-end, end].map(|end| Point3::new(x, y, z) + end) })
     }
 
-    /// Of each link its largest shape.
+    /// The largest shape of each link.
     pub fn all(solids: &[Solid]) -> Vec<Self> {
         let mut best = BTreeMap::<usize, Self>::new();
         for stick in solids.iter().filter_map(Self::new) {
@@ -47,7 +47,7 @@ impl Stick {
     }
 }
 
-/// Ends of the lines of all environments but the first, `[env][stick][end][x, y, z]` in f32 (m), little-endian.
+/// Line ends of all environments but the first, `[env][stick][end][x, y, z]` in little-endian f32 (m).
 pub(super) fn ends(batch: &Batch, sticks: &[Stick]) -> Vec<u8> {
     let (robot, width) = (&batch.system.robot, batch.system.robot.state_dim());
     let own = |data: &mut Data, state: &[f64]| -> Vec<u8> {

@@ -1,29 +1,30 @@
-//! A hand that pulls at a link.
+//! A spring-damper that pulls a link towards the mouse.
 
 use nalgebra::{DMatrix, Matrix3};
 use nerd_core::{dynamics::Axes, robot::FixedFrame};
 
 use crate::prelude::*;
 
-/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass. It is as strong at the end of a toe, so it is
+/// Stiffness over the robot's mass (1/s^2), with critical damping for that mass. A toe is far lighter, so the spring is
 /// stepped implicitly.
 const PULL: f64 = 60.0;
 
-/// A spring from a point of a link to a place.
+/// A spring from a point of a link to a target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     pub link: usize,
-    /// The point (m, the link's axes).
+    /// The point (m, link axes).
     pub local: Vector3<f64>,
-    /// The place (m, world).
+    /// The target (m, world axes).
     pub target: Vector3<f64>,
 }
 
 impl Hand {
-    /// Its push at the first robot of a batch over the next `dt` seconds: the impulse (N s). None where the mass matrix cannot be solved.
+    /// Applies the spring to the first robot of a batch over `dt` seconds; returns the impulse (N s). `None` if the
+    /// mass matrix cannot be factorised.
     pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
         let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
-        // p = dt m (k (target - x - dt v') - c v') with v' = v + G p, for p.
+        // Solves the implicit step for p: p = dt m (k (target - x - dt v') - c v') with v' = v + G p.
         let (spring, damper) = (dt * mass * PULL, dt * mass * (PULL * dt + 2.0 * PULL.sqrt()));
         self.push(batch, |place, speed, gives| {
             let lhs = Matrix3::identity() + gives * damper;
@@ -31,8 +32,8 @@ impl Hand {
         })
     }
 
-    /// Pushes with the impulse (N s, world axes) that `law` says of the point's place, its velocity and how much velocity an impulse there
-    /// gives: velocities change by `M^-1 J^T impulse`, so any solver feels it.
+    /// Applies an impulse (N s, world axes) at the point. `law` computes it from the point's position, velocity and
+    /// inverse effective mass G. Velocities change by `M^-1 J^T impulse`, so any solver responds.
     pub fn push(
         &self,
         batch: &mut Batch,

@@ -1,5 +1,5 @@
-//! HTTP for one small page: who connects and says nothing, or half of something, is hung up on; more than [`SEATS`] are not served at once,
-//! and of those the one that has been silent for longest makes room for the next.
+//! HTTP server for one small page. Silent or unfinished connections are closed. At most [`SEATS`] are open; beyond that
+//! the longest silent one is closed for each new one.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -9,16 +9,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prelude::*;
 
-/// Connections at once.
+/// Most open connections.
 const SEATS: usize = 200;
-/// How long one may be silent, a request may take to come, and an answer to be taken.
+/// Longest silence between requests; longest time to receive a request or send an answer.
 const SILENT: Duration = Duration::from_secs(20);
 const SLOW: Duration = Duration::from_secs(5);
 /// Longest head and body of a request (bytes).
 const HEAD: usize = 8192;
 pub const BODY: usize = 1024;
 
-/// What was asked.
+/// A parsed request.
 #[derive(Debug, Default)]
 pub struct Request {
     pub method: String,
@@ -26,15 +26,15 @@ pub struct Request {
     pub host: String,
     pub kind: String,
     pub body: Vec<u8>,
-    /// Whether nothing comes behind it.
+    /// Whether the connection closes after this request.
     last: bool,
 }
 
-/// Status, type and text.
+/// Status, content type and body.
 pub type Reply = (u16, &'static str, Arc<[u8]>);
 type Answer = dyn Fn(&Request) -> Reply + Send + Sync;
 
-/// Connections by number, and since when each has been silent.
+/// Connections by number, each with the start of its silence.
 type Seats = Mutex<BTreeMap<u64, (Arc<TcpStream>, Instant)>>;
 
 pub struct Server {
@@ -43,7 +43,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Answers at a port of this machine until it is dropped.
+    /// Serves a port of this machine until dropped.
     pub fn new(port: u16, answer: Arc<Answer>) -> std::io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))?;
         let (address, over) = (listener.local_addr()?, Arc::new(AtomicBool::new(false)));
@@ -57,7 +57,7 @@ impl Server {
                 }
                 match stream {
                     Ok((stream, _)) => seat(number, stream, &seats, &answer),
-                    // As many files are open as may be: some are closed in time.
+                    // Out of file descriptors: frees one.
                     Err(_) => {
                         hang_up(&seats);
                         std::thread::sleep(Duration::from_millis(20));
@@ -69,7 +69,7 @@ impl Server {
     }
 }
 
-/// The connection that it makes is the last that is looked at.
+/// The last connection wakes the accept loop, which then ends.
 impl Drop for Server {
     fn drop(&mut self) {
         self.over.store(true, Ordering::SeqCst);
@@ -83,7 +83,7 @@ fn seat(number: u64, stream: TcpStream, seats: &Arc<Seats>, answer: &Arc<Answer>
         hang_up(seats);
     }
     locked(seats).insert(number, (stream.clone(), Instant::now()));
-    // Without a thread for it it is hung up on.
+    // If no thread starts, the connection closes.
     let served = std::thread::Builder::new().spawn(move || {
         while let Ok(last) = serve(&stream, &*answer) {
             if last {
@@ -98,7 +98,7 @@ fn seat(number: u64, stream: TcpStream, seats: &Arc<Seats>, answer: &Arc<Answer>
     }
 }
 
-/// On the one that has been silent for longest.
+/// Closes the connection that has been silent for longest.
 fn hang_up(seats: &Seats) {
     let mut seats = locked(seats);
     let oldest = seats.iter().min_by_key(|(_, seat)| seat.1).map(|(number, _)| *number);
@@ -111,7 +111,7 @@ fn locked(seats: &Seats) -> std::sync::MutexGuard<'_, BTreeMap<u64, (Arc<TcpStre
     seats.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// One request and its answer; whether it was the last. An error ends the connection.
+/// Answers one request; returns whether it was the last. An error ends the connection.
 fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(SLOW))?;
@@ -127,7 +127,7 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     let text = if asked.method == "HEAD" { b"" } else { &text[..] };
     stream.write_all(&[head.as_bytes(), text].concat())?;
     if asked.last {
-        // What is still on its way is let in, since it would cut the answer short.
+        // Reads what is still in flight: closing earlier would reset the connection and cut the answer.
         stream.shutdown(Shutdown::Write)?;
         stream.set_read_timeout(Some(Duration::from_millis(500)))?;
         let _ = std::io::copy(&mut stream.take(1 << 20), &mut std::io::sink());
@@ -135,7 +135,7 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     Ok(asked.last)
 }
 
-/// Reads a request, or says why it is none that is answered.
+/// Reads a request, or returns the status and reason of a refusal.
 fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'static str)>> {
     let (mut bytes, mut began) = (Vec::new(), None);
     loop {
@@ -157,7 +157,7 @@ fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'stati
     }
 }
 
-/// A request, once all of it is there. Nobody here sends a second one before the first is answered.
+/// Parses a request once it is complete. Pipelined requests are not supported.
 fn parsed(bytes: &[u8]) -> Result<Option<Request>, (u16, &'static str)> {
     const LONG: (u16, &str) = (413, "an ask is at most 1024 bytes, and says how many");
     let mut headers = [httparse::EMPTY_HEADER; 64];

@@ -1,4 +1,4 @@
-//! What can be shown.
+//! Robots, scenes, policies and models to choose from.
 
 use nerd_sim::scene::WORLDS;
 use nerd_tasks::named;
@@ -9,7 +9,7 @@ use crate::{prelude::*, roll::begun};
 
 pub const MOST: usize = 4096;
 
-/// What can be shown, and what is: places in its lists.
+/// Lists of choices, and the present choice by index.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Menu {
     pub robots: Vec<String>,
@@ -20,12 +20,12 @@ pub struct Menu {
     pub models: Vec<PathBuf>,
     pub robot: usize,
     pub scene: Option<usize>,
-    /// The policy that moves it in a task's scene, from 1.
+    /// The policy in its task, counted from 1; 0 for none.
     pub policy: usize,
     pub envs: usize,
 }
 
-/// Those that a robot has, and those of all robots that touch something; the mesh of hills is not painted.
+/// The robot's own scenes, then the shared ones if it has contact points; the page cannot draw the mesh of `hills`.
 fn scenes(system: &System) -> Vec<String> {
     let touches = !system.robot.contact_points.is_empty();
     let worlds = WORLDS.into_iter().filter(|world| touches && *world != "hills");
@@ -35,12 +35,12 @@ fn scenes(system: &System) -> Vec<String> {
 pub(super) struct Made {
     pub title: String,
     pub act: Act,
-    pub settings: Vec<Setting>,
+    pub settings: Vec<SolverSpec>,
 }
 
 impl Menu {
-    /// All that comes with the project, and these: a robot, or a policy in its task. The scene is `ground`, or what the robot has first, where none
-    /// is named.
+    /// All that ships with the project, and the given robot, policy and models. Without `scene`: `ground`, else the
+    /// first after `free` if the base is free or the robot has scenes, else `free`.
     pub fn new(robot: Option<&str>, scene: Option<&str>, policy: Option<&Path>, models: &[PathBuf]) -> Result<Self> {
         let mut robots: Vec<String> = [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect();
         let mut policies = shipped::policies("")?;
@@ -58,7 +58,7 @@ impl Menu {
         Ok(Self { scene: Some(scene), ..menu })
     }
 
-    /// Makes what is chosen, and knows its scenes from then on.
+    /// Builds the present choice, and lists its scenes.
     pub(super) fn make(&mut self) -> Result<Made> {
         let policy = match self.policy.checked_sub(1) {
             None => None,
@@ -69,7 +69,7 @@ impl Menu {
         let (act, system, title) = match policy {
             Some(policy) => {
                 let (config, policy) = folder::load(policy)?;
-                let arena = Arena::Truth(named(&config.task)?.system()?.spec.truth);
+                let arena = Arena::from(named(&config.task)?.system()?.spec.truth);
                 let episodes = arena.episodes(&config.task, self.envs, 0)?;
                 let (system, running) = (episodes.simulation.batch.system.clone(), Running::new(&episodes, policy.shape.stack));
                 (self.scenes, self.scene) = (Vec::new(), None);
@@ -93,9 +93,8 @@ impl Menu {
             }
         };
         let shipped = Some(shipped::model(system.spec.truth, &system.name)).filter(|folder| folder.exists());
-        let models = shipped.into_iter().chain(self.models.iter().cloned()).map(Setting::Neural);
-        let settings =
-            [Setting::from(system.spec.truth), Setting::Implicit(1), Setting::RapierSteps(4)].into_iter().chain(models).collect();
+        let models = shipped.into_iter().chain(self.models.iter().cloned()).map(SolverSpec::neural);
+        let settings = [system.spec.truth.into(), SolverSpec::implicit(1), SolverSpec::rapier(4)].into_iter().chain(models).collect();
         Ok(Made { title, act, settings })
     }
 }

@@ -1,7 +1,8 @@
-//! `cargo xtask live`: a robot that steps in real time, seen and pushed in a browser on this machine, while solvers are swapped under it.
+//! `cargo xtask live`: a robot in real time in a browser on this machine, to be pushed and given other solvers while it
+//! moves.
 //!
-//! One thread owns the [`World`] and steps it; it takes what visitors ask for between two frames and leaves the latest frame as JSON. The
-//! threads of the server answer from that, so that no visitor can hold up the motion or another visitor.
+//! One thread owns the [`World`] and steps it, handles requests between frames, and publishes the latest frame as JSON.
+//! Server threads answer from that copy, so no client can delay the motion or another client.
 
 mod act;
 mod ask;

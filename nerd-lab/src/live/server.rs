@@ -1,4 +1,4 @@
-//! The page and its two questions, on this machine alone.
+//! The page and its requests, served to this machine alone.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -10,13 +10,13 @@ use super::http::{Reply, Request, Server};
 use super::world::World;
 use crate::prelude::*;
 
-/// Asks that wait at most; more are turned away.
+/// Most queued requests; further ones are refused.
 const WAITING: usize = 64;
 
 const PAGE: &str = include_str!("live.html");
 const LIVE: &str = include_str!("live.js");
 
-/// Serves a page until dropped; the world ends with its last client.
+/// Serves a page until dropped; the world ends when the last connection closes.
 pub struct Live(Server);
 
 #[derive(Clone, Default)]
@@ -33,7 +33,7 @@ impl Face {
         Self { page: page.into_bytes().into(), ..Self::default() }.now(world)
     }
 
-    /// The same page with the world as it is now.
+    /// The same page with the present state of the world.
     fn now(self, world: &World) -> Self {
         let state = serde_json::to_vec(&world.shown()).unwrap_or_else(|e| format!("{{\"trouble\":\"{e}\"}}").into());
         Self { state: state.into(), crowd: world.crowd().into(), ..self }
@@ -41,7 +41,7 @@ impl Face {
 }
 
 impl Live {
-    /// Serves a world at a port of this machine (0: any that is free), and steps it in real time.
+    /// Serves a world at a port of this machine (0: any free one), and steps it in real time.
     pub fn serve(mut world: World, port: u16) -> Result<Self> {
         let shown = Arc::new(RwLock::new(Face::new(&mut world)));
         let (asks, asked) = sync_channel(WAITING);
@@ -62,8 +62,8 @@ impl Live {
 fn reply(request: &Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) -> Reply {
     const JSON: &str = "application/json";
     let refused = |code: u16, why: &str| (code, "text/plain; charset=utf-8", why.as_bytes().into());
-    // Another site's page that a browser here has open can neither read this one (its host is another) nor ask (its kind of text is another).
-    // A browser leaves the port out where that is 80.
+    // A page from another site cannot read this one (its Host differs) or send requests (its content type differs).
+    // Browsers omit port 80.
     let host = request.host.rsplit_once(':').map_or(request.host.as_str(), |(host, _)| host);
     if !["127.0.0.1", "localhost"].contains(&host) {
         return refused(403, "this is for the machine that it runs on: open http://127.0.0.1 and its port");
@@ -87,7 +87,7 @@ fn reply(request: &Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) -> Rep
     }
 }
 
-/// Steps a world in real time until nobody can ask it any more. Where it cannot keep up, it is slow.
+/// Steps a world in real time until the server is gone; slower if frames take too long.
 fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
     let mut next = Instant::now();
     loop {
@@ -99,7 +99,7 @@ fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
             }
             next = (next + pace).max(Instant::now());
         }
-        // Some are heard where frames take longer than they last, and frames come where asks have no end.
+        // Some requests are handled even if frames are late, and frames continue even if requests never end.
         match asked.recv_timeout(left) {
             Ok(ask) => std::iter::once(ask).chain(asked.try_iter().take(WAITING)).for_each(|ask| world.answer(ask)),
             Err(RecvTimeoutError::Disconnected) => return,

@@ -1,7 +1,9 @@
-//! One robot, or many alike, under a solver that can be swapped; of the first its truth as a ghost, and a hand that pulls at a link.
+//! A robot, or many copies, under a solver that can be swapped; with a ghost (the truth's motion of the first) and a
+//! spring that pulls a link.
 
 use nerd_train::evaluate::{Gaps, quantities};
 use nerd_train::replay::{Replay, poses};
+use nerd_train::spec::{ArticulatedSpec, Method, RapierSpec};
 
 use super::act::Act;
 use super::ask::Ask;
@@ -10,19 +12,19 @@ use super::hand::Hand;
 use super::menu::{Made, Menu};
 use crate::prelude::*;
 
-/// What is shown, and does as it is asked.
+/// The simulation behind the page.
 pub struct World {
     pub title: String,
     menu: Menu,
-    /// Worlds before this one.
+    /// Worlds before this one; choosing a robot, scene, policy or number of environments makes a new one.
     pub number: usize,
     act: Act,
-    /// As it was read: solvers are made for it, whatever friction it has now.
+    /// As loaded, without friction changes; solvers are built for this system.
     pub system: Arc<System>,
     start: Vec<f64>,
-    settings: Vec<Setting>,
+    settings: Vec<SolverSpec>,
     solver: usize,
-    truth: Setting,
+    truth: SolverSpec,
     ghost: Option<Simulation>,
     gaps: Gaps,
     controller: Controller,
@@ -31,31 +33,31 @@ pub struct World {
     pub paused: bool,
     hand: Option<Hand>,
     frame: u64,
-    /// Microseconds of the last frame: of the solver, of the ghost.
+    /// Microseconds of the last frame: solver, ghost.
     cost: [f64; 2],
     trouble: String,
 }
 
 #[derive(Clone, Debug, Serialize)]
 pub struct Shown {
-    /// Which world it is of: after a choice the page is another one.
+    /// Number of the world; if it changes, the page reloads.
     pub number: usize,
     pub frame: u64,
-    /// Poses by link: of the first robot, and of its ghost if there is one.
+    /// Link poses of the first robot, then of the ghost if there is one.
     pub tracks: Vec<Vec<[f32; 7]>>,
-    /// Distance of the ghost: mean |dq| over position, orientation and joints (m and rad), as `evaluate` has it.
+    /// Distance of the ghost: mean |dq| over position, orientation and joints (m and rad), as in `evaluate`.
     pub apart: Option<f64>,
-    /// Microseconds a frame: of the solver, of the ghost.
+    /// Microseconds of a frame: solver, ghost.
     pub cost: [f64; 2],
-    /// Place of the solver in the list.
+    /// Index of the solver in the list.
     pub solver: usize,
     pub name: String,
-    /// Its substeps, if they can be chosen.
+    /// Substeps, if they can be chosen.
     pub substeps: Option<usize>,
     pub paused: bool,
-    /// Whether joints without a policy hold the rest pose.
+    /// Whether joints without a policy hold the default pose.
     pub hold: bool,
-    /// What went wrong last, in a line.
+    /// The last error, in a line.
     pub trouble: String,
 }
 
@@ -66,11 +68,11 @@ impl World {
     }
 
     /// A world without a menu that begins with the first of `settings`.
-    pub fn new(title: &str, mut act: Act, settings: Vec<Setting>) -> Result<Self> {
+    pub fn new(title: &str, mut act: Act, settings: Vec<SolverSpec>) -> Result<Self> {
         let simulation = act.simulation_mut();
         let system = simulation.batch.system.clone();
         let Some(first) = settings.first() else { bail!("no solver is named") };
-        simulation.solver = first.solver(&system)?;
+        simulation.solver = first.solver(&system, simulation.batch.len())?;
         Ok(Self {
             title: title.into(),
             menu: Menu { envs: simulation.batch.len(), ..Menu::default() },
@@ -94,27 +96,26 @@ impl World {
         })
     }
 
-    /// Seconds from one look to the next: a frame, or a policy's step.
+    /// Simulated time of a step (s): a frame, or a policy's step.
     pub fn pace(&self) -> f64 {
         self.act.seconds()
     }
 
-    /// What the page begins with: robot and scene for the painter, what can be chosen, friction and gravity (m/s^2).
+    /// Initial data of the page: robot and scene to draw, choices, friction and gravity (m/s^2).
     pub fn page(&mut self) -> serde_json::Value {
         let batch = &self.act.simulation().batch;
         let robot = Replay::new(&self.title, batch, self.pace());
         let many = batch.len() > 1;
         self.sticks = if many { Stick::all(&robot.shapes) } else { Vec::new() };
-        let solvers: Vec<_> = self.settings.iter().map(Setting::series).collect();
-        let solvers =
-            solvers.iter().zip(&self.settings).map(|(series, own)| own.substeps().map_or(own.to_string(), |_| series.to_string()));
+        let solvers: Vec<_> = self.settings.iter().map(SolverSpec::series).collect();
+        let solvers = solvers.iter().zip(&self.settings).map(|(series, own)| own.asked().map_or(own.to_string(), |_| series.to_string()));
         serde_json::json!({
             "robot": robot, "sticks": self.sticks, "solvers": solvers.collect::<Vec<_>>(), "menu": self.menu, "number": self.number,
             "friction": batch.system.spec.material.friction, "gravity": batch.scenes[0].gravity.norm(),
         })
     }
 
-    /// Does what is asked; what cannot be done is said in [`Shown::trouble`].
+    /// Handles a request; errors go to [`Shown::trouble`].
     pub fn answer(&mut self, ask: Ask) {
         self.trouble.clear();
         let mut done = Ok(());
@@ -141,7 +142,7 @@ impl World {
         }
     }
 
-    /// One frame, or a policy's step. A solver that cannot go on stops the world.
+    /// One frame, or a policy's step. A solver error pauses the world.
     pub fn step(&mut self) {
         if let Err(error) = self.advance() {
             (self.trouble, self.paused) = (error.to_string(), true);
@@ -181,7 +182,7 @@ impl World {
 
     fn swap(&mut self, to: usize) -> Result<()> {
         let Some(setting) = self.settings.get(to) else { bail!("there is no solver {to}; there are {}", self.settings.len()) };
-        let solver = setting.solver(&self.system)?;
+        let solver = setting.solver(&self.system, self.menu.envs)?;
         let simulation = self.act.simulation_mut();
         (simulation.solver, self.solver) = (solver, to);
         simulation.batch.forces.clear();
@@ -190,8 +191,8 @@ impl World {
 
     fn divide(&mut self, substeps: usize) -> Result<()> {
         let setting = match &self.settings[self.solver] {
-            Setting::Implicit(_) => Setting::Implicit(substeps),
-            Setting::RapierSteps(_) => Setting::RapierSteps(substeps),
+            SolverSpec::Articulated(ArticulatedSpec { method: Method::Implicit, substeps: Some(_), .. }) => SolverSpec::implicit(substeps),
+            SolverSpec::Rapier(own) => SolverSpec::Rapier(RapierSpec { steps: substeps, ..*own }),
             other => bail!("{other} has substeps of its own; choose another solver"),
         };
         self.settings[self.solver] = setting;
@@ -201,7 +202,7 @@ impl World {
     fn haunt(&mut self, to: bool) -> Result<()> {
         self.ghost = None;
         if to {
-            let solver = self.truth.solver(&self.system)?;
+            let solver = self.truth.solver(&self.system, 1)?;
             let all = &self.act.simulation().batch;
             let mut batch = Batch::new(&all.system, &all.scenes[0], 1);
             batch.reset(0, all.state(0));
@@ -213,7 +214,7 @@ impl World {
 
     fn rub(&mut self, friction: f64) -> Result<()> {
         // What solvers have prepared is of the old friction.
-        let solvers = [self.settings[self.solver].solver(&self.system)?, self.truth.solver(&self.system)?];
+        let solvers = [self.settings[self.solver].solver(&self.system, self.menu.envs)?, self.truth.solver(&self.system, 1)?];
         let simulations = [Some(self.act.simulation_mut()), self.ghost.as_mut()];
         for (simulation, solver) in simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver))) {
             let mut system = (*simulation.batch.system).clone();
@@ -246,7 +247,7 @@ impl World {
         Ok(())
     }
 
-    /// The lines of all environments but the first, for the page.
+    /// Line ends of all environments but the first, for the page.
     pub fn crowd(&self) -> Vec<u8> {
         ends(&self.act.simulation().batch, &self.sticks)
     }
@@ -260,12 +261,12 @@ impl World {
         });
         let tracks = std::iter::once(batch).chain(self.ghost.as_ref().map(|ghost| &ghost.batch)).map(poses).collect();
         let Self { number, frame, cost, solver, paused, hold, ref trouble, .. } = *self;
-        let (name, substeps) = (self.settings[solver].to_string(), self.settings[solver].substeps());
+        let (name, substeps) = (self.settings[solver].to_string(), self.settings[solver].asked());
         Shown { number, frame, tracks, apart, cost, solver, name, substeps, paused, hold, trouble: trouble.clone() }
     }
 }
 
-/// Alters each scene of a batch once, however many environments share it.
+/// Changes each scene of a batch once, even if consecutive environments share it.
 fn alter(batch: &mut Batch, change: impl Fn(&mut Scene)) {
     let mut before: Option<[Arc<Scene>; 2]> = None;
     for scene in &mut batch.scenes {

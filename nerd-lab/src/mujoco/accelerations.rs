@@ -1,4 +1,4 @@
-//! Compares a robot's accelerations, as its file is read here, with MuJoCo's from the same file.
+//! Compares a robot's accelerations with MuJoCo's from the same file.
 
 use std::f64::consts::PI;
 
@@ -10,12 +10,13 @@ use serde_json::json;
 use super::referee::{Python, REFEREE, to_mujoco};
 use crate::prelude::*;
 
-/// Accelerations below this (m/s^2, rad/s^2) in both are rounding.
+/// Accelerations below this (m/s^2, rad/s^2) in both count as rounding.
 const NONE: f64 = 1e-9;
 
-/// Largest difference of accelerations of a robot read from `path` over `count` random states, of the largest acceleration of its state, or
-/// where nothing accelerates the difference itself (m/s^2, rad/s^2). Contact, limits, dry friction and actuators are off; joints that follow
-/// others follow them in MuJoCo, too, which is asked along our coordinates. A URDF is written as MJCF first.
+/// Largest difference between our accelerations and MuJoCo's over `count` random states, relative to the state's
+/// largest acceleration. If nothing accelerates, the absolute difference (m/s^2, rad/s^2). Contact, limits, dry
+/// friction and actuators are off. MuJoCo's equations are projected onto our coordinates, so mimic joints follow in
+/// both. A URDF is converted to MJCF first.
 pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<f64> {
     let robot = &system.robot;
     let mut python = Python::start(python, REFEREE)?;
@@ -52,7 +53,7 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
     Ok(worst)
 }
 
-/// Joints anywhere within their limits, a root turned at random, velocities up to 2 (rad/s or m/s).
+/// A random state: joints within their limits, any root orientation, velocities up to 2 (rad/s or m/s).
 fn state(robot: &Robot, k: u64) -> Vec<f64> {
     let (mut rng, mut state) = (stream(17, k), robot.zero_state());
     let (nq, coords) = (robot.nq(), robot.root_coords());
@@ -69,7 +70,7 @@ fn state(robot: &Robot, k: u64) -> Vec<f64> {
     state
 }
 
-/// In MuJoCo's form: a free root's linear acceleration in world axes, its angular acceleration in the root's own axes.
+/// Accelerations in MuJoCo's layout: of a free root linear in world axes, then angular in root axes.
 fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
     let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
     let local = twist.to_local(robot, q);

@@ -1,18 +1,18 @@
-"""What MuJoCo's compiler makes of a file: masses and contact, for `nerd_lab::mujoco::compiled`.
+"""Prints MuJoCo's compilation of a file, masses and contacts, for `nerd_lab::mujoco::compiled`.
 
 JSON in, JSON out, a line each: `answer`, or `error`. A line in: the `path` of an MJCF. The answer:
-- `masses`: by name, what each moving body weighs with all that is welded to it (kg); `body3` is the third that has no name of its own
-- `geoms`: of each the `name` (or ""), its `body`, its `place` among the geoms of that, whether it `moves`
-- `pairs`: indices of two geoms that may touch, of which one moves at least, and of their law
-- `laws`: `condim`, `friction` (two along the surface, one about its normal, two of rolling), `margin` (m), `solref`, `solimp`
+- `masses`: mass of each moving body with all bodies welded to it (kg), by name; `body3` is the unnamed body 3
+- `geoms`: `name` (or ""), `body`, `place` among the body's geoms, and whether it `moves`
+- `pairs`: indices of two geoms that may touch, at least one of them moving, and of their law
+- `laws`: `condim`, `friction` (two sliding, one torsional, two rolling), `margin` (m), `solref`, `solimp`
 
-Pairs and laws follow the manual (Computation: contact, selection and parameters); `gap` has no part in forces.
+Pairs and laws follow the manual (Computation: contact, selection and parameters); `gap` does not affect forces.
 """
 
 import json
 import sys
 
-# Below this a share of `solmix` counts as none.
+# A smaller `solmix` counts as 0.
 SMALL = 1e-15
 
 
@@ -21,14 +21,14 @@ def say(answer, kind="answer"):
 
 
 def compiled(mujoco, path):
-    """The model, each body and geom of the file kept as its own, so that they are found by their places."""
+    """Compiles a file and keeps every body and geom, so that they keep their indices."""
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = spec.compiler.discardvisual = False
     return spec.compile()
 
 
 def softness(a, b):
-    """Of two geoms of the same priority."""
+    """Mixed solref and solimp of two geoms of equal priority."""
     x, y = a["solmix"], b["solmix"]
     share = x / (x + y) if x >= SMALL and y >= SMALL else 0.5 if x < SMALL and y < SMALL else float(x >= SMALL)
     mixed = {key: [share * p + (1 - share) * q for p, q in zip(a[key], b[key])] for key in ("solref", "solimp")}
@@ -38,7 +38,7 @@ def softness(a, b):
 
 
 def of_geoms(a, b):
-    """How two geoms touch by their own numbers."""
+    """Contact law of two geoms by their own parameters."""
     if a["priority"] != b["priority"]:
         best = max(a, b, key=lambda geom: geom["priority"])
         condim, (slide, spin, roll) = best["condim"], best["friction"]
@@ -70,7 +70,7 @@ def facts(mujoco, model):
 
 
 def contacts(mujoco, model, geoms, weld, above, moves):
-    """Pairs that may touch, and their laws."""
+    """Geom pairs that may touch, and their laws."""
     off = int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     parents = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
     override = model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)

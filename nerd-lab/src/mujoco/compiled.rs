@@ -1,5 +1,5 @@
-//! Compares a robot's masses and contact, as its file is read here, with MuJoCo's compiler: the mass of each body, which geoms may
-//! touch which, and with what friction and margin.
+//! Compares a robot's masses and contacts with MuJoCo's compiler: mass of each body, geom pairs that may touch, their
+//! friction and margin.
 
 use std::collections::HashMap;
 
@@ -12,12 +12,12 @@ use super::referee::Python;
 use crate::prelude::*;
 
 const COMPILED: &str = include_str!("compiled.py");
-/// Share of a mass, and difference of a friction or a margin (m), that rounding makes.
+/// Rounding: relative for masses, absolute for friction and margins (m).
 const ROUNDING: f64 = 1e-6;
-/// What MuJoCo takes a smaller friction for.
+/// MuJoCo raises a smaller friction to this.
 const LEAST_FRICTION: f64 = 1e-5;
 
-/// What MuJoCo makes of a file, as `compiled.py` says it.
+/// MuJoCo's view of a file, as `compiled.py` prints it.
 #[derive(Deserialize)]
 struct Compiled {
     masses: BTreeMap<String, f64>,
@@ -40,19 +40,19 @@ struct Law {
     margin: f64,
 }
 
-/// A robot beside what MuJoCo makes of its file.
+/// Result of the comparison with MuJoCo.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// Moving bodies whose masses were compared.
+    /// Moving bodies with compared masses.
     pub bodies: usize,
     /// Pairs of geoms that may touch in MuJoCo.
     pub pairs: usize,
-    /// What differs, in words.
+    /// Differences, in words.
     pub differences: Vec<String>,
 }
 
-/// Compares a robot with what MuJoCo makes of its MJCF at `path`. A geom that stands in the world touches as in the robot's own scene: it has
-/// to be there, and the robot's geom needs a contact point. Of two geoms that move the file's own rules are compared.
+/// Compares a robot with MuJoCo's compilation of its MJCF at `path`. A static geom touches as in the robot's own scene:
+/// it must exist there, and the robot's geom needs a contact point. For two moving geoms the file's rules are compared.
 pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> {
     let theirs: Compiled = Python::start(python, COMPILED)?.ask(&json!({ "path": path }))?;
     let mut differences = masses(&system.robot, &theirs.masses);
@@ -60,9 +60,9 @@ pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> 
     Ok(Compared { bodies: theirs.masses.len(), pairs: theirs.pairs.len(), differences })
 }
 
-/// Links and bodies that weigh something else, or are not there.
+/// Links and bodies with different masses, or missing on one side.
 fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
-    // The armature of a free root is part of its inertia, and no mass in MuJoCo.
+    // A free root's armature is part of our inertia, but not a mass in MuJoCo.
     let mass = |link: &Link| link.inertia.mass - if link.joint.is_none() { robot.free.armature } else { 0.0 };
     let ours: HashMap<&str, f64> = robot.links.iter().map(|link| (link.name.as_str(), mass(link))).collect();
     let body = |(name, theirs): (&String, &f64)| match ours.get(name.as_str()) {
@@ -76,7 +76,7 @@ fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
     theirs.iter().filter_map(body).chain(more).collect()
 }
 
-/// Pairs of geoms that touch in one alone, or otherwise. Geoms of a body that have the same properties are one surface here.
+/// Geom pairs that touch on one side only, or differently. Geoms of a body with equal properties form one surface here.
 fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
     let ours = Ours::of(system)?;
     let surfaces = &system.surfaces.geoms;
@@ -114,20 +114,20 @@ impl std::fmt::Display for Geom {
     }
 }
 
-/// The first geom of a surface, and how many are like it.
+/// The first geom of a surface, and the number of others.
 fn named(surface: &SurfaceGeom) -> String {
     let (place, name) = surface.geoms.first().cloned().unwrap_or_default();
     let first = Geom { name, body: surface.body.clone(), place };
     if surface.geoms.len() < 2 { first.to_string() } else { format!("{first} (and {} like it)", surface.geoms.len() - 1) }
 }
 
-/// How surfaces touch here, in the scene of the file.
+/// Our contacts, in the scene of the file.
 struct Ours<'a> {
     system: &'a System,
     scene: Arc<Scene>,
-    /// By number, a contact point of a surface that moves.
+    /// A contact point of each moving surface, by number.
     points: HashMap<usize, &'a ContactPoint>,
-    /// By number, the places in the scene of a surface that stands.
+    /// Indices of the scene's colliders of each static surface, by number.
     colliders: HashMap<usize, Vec<usize>>,
 }
 
@@ -149,13 +149,13 @@ impl<'a> Ours<'a> {
         &self.system.surfaces.geoms[number]
     }
 
-    /// The first of the colliders of a surface that stands, if all its geoms are there.
+    /// First collider of a static surface, if all its geoms are in the scene.
     fn stands(&self, number: usize) -> Option<&Collider> {
         let places = self.colliders.get(&number).filter(|places| places.len() >= self.surface(number).geoms.len())?;
         places.first().map(|place| &self.scene.colliders[*place])
     }
 
-    /// How two surfaces touch, if they do.
+    /// Contact properties of two surfaces, if they touch.
     fn touch(&self, [a, b]: [usize; 2]) -> Option<Touch> {
         let law = self.system.surfaces.between(a, b)?;
         let (own, other) = if self.surface(a).still { (b, a) } else { (a, b) };
@@ -167,7 +167,7 @@ impl<'a> Ours<'a> {
         Some(Touch { condim: law.condim, friction, margin: material.margin })
     }
 
-    /// Why two surfaces cannot touch that may.
+    /// Why two surfaces that may touch do not.
     fn lacks(&self, pair: [usize; 2]) -> &'static str {
         let may = self.system.surfaces.between(pair[0], pair[1]).is_some();
         let lost = |still: bool| {
@@ -184,7 +184,7 @@ impl<'a> Ours<'a> {
     }
 }
 
-/// How two surfaces touch.
+/// Contact properties of two surfaces.
 struct Touch {
     condim: i64,
     /// Sliding, torsional, rolling.
@@ -199,7 +199,7 @@ impl From<&PairLaw> for Touch {
 }
 
 impl Touch {
-    /// What is something else in MuJoCo. Of friction counts what the dimension of the contact has.
+    /// The first difference from MuJoCo; friction counts up to the contact's dimension.
     fn differs(&self, theirs: &Law) -> Option<String> {
         if self.condim != theirs.condim {
             return Some(format!("condim {} here, {}", self.condim, theirs.condim));

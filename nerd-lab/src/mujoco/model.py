@@ -1,10 +1,10 @@
-"""The model that a policy plays in, and what can be said of it: read before `player.py`."""
+"""The MuJoCo model in which a policy plays, and its settings: concatenated before `player.py`."""
 
 import math
 
 
 class Model:
-    """The robot as MJCF: `mjcf`, ours, or the `path` of its own file, of which `planes` say where the ground has to be."""
+    """The robot as MJCF: our `mjcf`, or the `path` of its own file, whose ground must match `planes`."""
 
     def __init__(self, mujoco, request):
         self.mujoco, contract, path = mujoco, request["contract"], request.get("path")
@@ -27,7 +27,7 @@ class Model:
         self.actuators = self.servos(contract)
         if not self.actuators:
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-            # Then servos are torques of each step, and damp as the joints do.
+            # Without actuators of the file, servos are torques of each step, and kd is joint damping.
             for action in contract["action"] if contract["law"].get("servo") else []:
                 model.dof_damping[model.jnt_dofadr[self.joint[action["joint"]]]] += action["kd"]
         self.servo = contract["law"].get("servo", False)
@@ -41,7 +41,7 @@ class Model:
         return [g for g in range(model.ngeom) if model.body_weldid[model.geom_bodyid[g]] == 0 and touches(g)]
 
     def stand(self, path, planes, scene):
-        """Adds the ground where the file has none, and refuses another one than that of the task."""
+        """Adds the task's ground if the file has none, and refuses a file with another ground."""
         mujoco, still = self.mujoco, self.still()
         if not still:
             spec = mujoco.MjSpec.from_file(path)
@@ -58,7 +58,7 @@ class Model:
             raise ValueError(f"no plane of the file is the ground of the task's scene `{scene}`; train on the file's own ground")
 
     def joints(self, names):
-        """By name in the contract, which numbers the joints of a body that have none."""
+        """Joint indices by the contract's names; an unnamed joint is BODY.INDEX."""
         model, mujoco, known = self.model, self.mujoco, {}
         name = lambda kind, k: mujoco.mj_id2name(model, kind, k)
         for k in range(model.njnt):
@@ -70,7 +70,8 @@ class Model:
         return {one: known[one] for one in names}
 
     def servos(self, contract):
-        """By joint, its position actuator's control, gear and largest torque, if each action is a target of one with the gains of the contract."""
+        """Control index and gear of each joint's position actuator; empty unless every action matches one with the
+        contract's gains."""
         model, mujoco, found = self.model, self.mujoco, {}
         if contract["law"]["kind"] != "position" or contract["law"]["relative"]:
             return found
@@ -95,7 +96,7 @@ class Model:
         return found
 
     def follow(self, data):
-        """Puts joints that follow others by an equality where those ask for them."""
+        """Moves joints that follow others by an equality to their required positions."""
         model, joint = self.model, self.mujoco.mjtEq.mjEQ_JOINT
         for k in range(model.neq):
             one, two = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
@@ -105,7 +106,7 @@ class Model:
                 data.qpos[at] = model.qpos0[at] + sum(c * x**n for n, c in enumerate(model.eq_data[k, :5]))
 
     def watch(self, data):
-        """Records between which bounds the parameters of contacts with the world are."""
+        """Extends the recorded bounds of contact parameters with the world."""
         if not data.ncon:
             return
         contact = data.contact
@@ -119,7 +120,7 @@ class Model:
         self.condim[:] = sorted({*self.condim, *contact.dim[world].tolist()})
 
     def settings(self):
-        """What it plays by; of contacts with the world those that occurred."""
+        """Settings of the simulation; contact parameters are of contacts with the world that occurred."""
         option, mujoco = self.model.opt, self.mujoco
         word = lambda kind, number: kind(int(number)).name.split("_", 1)[1].lower()
         return {

@@ -1,10 +1,11 @@
-"""Plays an exported policy in MuJoCo for `nerd_lab::mujoco::Player`. Of the policy it knows its ONNX and its contract, nothing else.
+"""Plays an exported policy in MuJoCo for `nerd_lab::mujoco::player`, from its ONNX and contract alone.
 
-JSON in, JSON out, a line each: `answer`, or `error`. First line: the `onnx` file, its `contract`, `mjcf` with the `substeps` of a frame, or the
-`path` of one that keeps its own settings and the `planes` of the task's `scene`; `starts`, one an episode, as [qpos, qvel] of a free root, then
-of the contract's joints; the answer is versions. Every other line is one step of the episodes that are `live`, each with its `goal`; the answer
-is, by episode, the observation, the action, and by frame the torques of the contract's joints and the state that they led to, null once MuJoCo
-has given it up. Without `live` the answer is the settings that it played by.
+JSON in, JSON out, a line each: `answer`, or `error`. First line: the `onnx` file and its `contract`; `mjcf` with the
+`substeps` of a frame, or the `path` of a file with its own settings; `planes` of the task's `scene`; `starts`, one
+[qpos, qvel] for each episode: a free root, then the contract's joints. The answer is versions.
+Every other line is one step of the `live` episodes with their `goals`. Answer for each episode: the observation, the
+action, and by frame [torques of the contract's joints, next state]. The state is null once MuJoCo has given it up.
+Without `live`: the model's settings.
 """
 
 import json
@@ -17,7 +18,7 @@ def say(answer, kind="answer"):
 
 
 def turned(w, x, y, z):
-    """Rows of the rotation matrix of a quaternion."""
+    """Rotation matrix of a quaternion, by rows."""
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
@@ -51,7 +52,7 @@ def main():
     at, dof = robot.root or (0, 0)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
     endless = {name: not model.jnt_limited[k] and model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE for name, k in joint.items()}
-    law, ahead, servo = contract["law"], contract["law"].get("ahead", False), contract["law"].get("servo", False)
+    law, stable_pd, servo = contract["law"], contract["law"].get("stable_pd", False), contract["law"].get("servo", False)
     frame, timestep = contract["frame_time"], model.opt.timestep
     axes = "xyz"
 
@@ -102,7 +103,7 @@ def main():
         return [s["scale"] * float(quantity(data, s["quantity"], s["of"], goal, past, time)) + s["offset"] for s in contract["observation"]]
 
     def torques(data, action):
-        """By joint of the contract."""
+        """Torques by joint of the contract."""
         tau = dict.fromkeys(contract["joints"], 0.0)
         if law["kind"] == "torque":
             for a, x in zip(contract["action"], action):
@@ -111,9 +112,9 @@ def main():
         gaps = {}
         for a, x in zip(contract["action"], action):
             name, now = a["joint"], q(data, a["joint"])
-            gap = a["scale"] * x if law["relative"] else a["default"] + a["scale"] * x - now
+            gap = a["scale"] * x if law["relative"] else a["default_q"] + a["scale"] * x - now
             gaps[name] = [wrap(gap) if endless[name] and not law["relative"] else gap, qd(data, name)]
-        if ahead:
+        if stable_pd:
             h, mass = frame, numpy.zeros((model.nv, model.nv))
             mujoco.mj_forward(model, data)
             for k, unit in enumerate(numpy.eye(model.nv)):
@@ -130,9 +131,9 @@ def main():
                 pair[1] += h * acceleration
         for a in contract["action"]:
             gap, speed = gaps[a["joint"]]
-            # A servo is asked without its bounds.
-            most = math.inf if servo or a["torque"] is None else a["torque"]
-            tau[a["joint"]] = min(max(a["kp"] * gap - a["kd"] * speed, -most), most)
+            # A servo's torque is limited later, in `serve`.
+            limit = math.inf if servo or a["torque_limit"] is None else a["torque_limit"]
+            tau[a["joint"]] = min(max(a["kp"] * gap - a["kd"] * speed, -limit), limit)
         return tau
 
     games = []
@@ -144,28 +145,28 @@ def main():
     say(f"MuJoCo {mujoco.__version__}, onnxruntime {onnxruntime.__version__}")
 
     def drive(data, action, tau):
-        """Sets targets of the file's own actuators, or the torques of the contract."""
+        """Sets targets of the file's own actuators, or applies the contract's torques."""
         data.qfrc_applied[:] = 0.0
         for a, x in zip(contract["action"], action):
             if a["joint"] in robot.actuators:
-                (k, gear), now, target = robot.actuators[a["joint"]], q(data, a["joint"]), a["default"] + a["scale"] * x
+                (k, gear), now, target = robot.actuators[a["joint"]], q(data, a["joint"]), a["default_q"] + a["scale"] * x
                 data.ctrl[k] = gear * (now + wrap(target - now) if endless[a["joint"]] else target)
         for name, x in tau.items():
             if name not in robot.actuators:
                 data.qfrc_applied[model.jnt_dofadr[joint[name]]] = x
 
     def serve(data, action):
-        """Servos that the file has not, at each of its steps; what they damp is the joints' own damping, which MuJoCo takes at a step's end."""
+        """Steps once with servos that the file lacks; MuJoCo integrates their damping implicitly as joint damping."""
         tau = torques(data, action)
         for a in contract["action"]:
-            most, damped = math.inf if a["torque"] is None else a["torque"], a["kd"] * qd(data, a["joint"])
-            tau[a["joint"]] = min(max(tau[a["joint"]], -most), most) + damped
+            limit, damped = math.inf if a["torque_limit"] is None else a["torque_limit"], a["kd"] * qd(data, a["joint"])
+            tau[a["joint"]] = min(max(tau[a["joint"]], -limit), limit) + damped
         drive(data, action, tau)
         mujoco.mj_step(model, data)
 
     def step(data, frames, past, passed, goal):
         seen = observe(data, goal, past, passed[0] * frame)
-        # The newest first; what was before an episode counts as its first.
+        # Newest first; frames before the episode repeat its first one.
         frames[:] = ([seen] + frames if frames else [seen] * contract["observations_seen"])[: contract["observations_seen"]]
         given = numpy.array(frames if len(frames) > 1 else seen, dtype=numpy.float32)[None]
         action = session.run([contract["output"]], {contract["input"]: given})[0][0].tolist()
@@ -173,7 +174,7 @@ def main():
         then = []
         for _ in range(contract["frames_per_action"]):
             tau = torques(data, action)
-            # A file's own steps need not end with a frame: the nearest one before does.
+            # A frame ends at the last MuJoCo step that does not pass the frame's end.
             before, after = (math.floor(n * frame / timestep + 1e-6) for n in (passed[0], passed[0] + 1))
             if servo and not robot.actuators:
                 for _ in range(after - before):

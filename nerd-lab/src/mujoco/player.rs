@@ -1,30 +1,30 @@
-//! An exported policy at play in MuJoCo, sim-to-sim: the child has its ONNX, its contract and the robot as MJCF, and makes observations, actions
-//! and torques of its own. What comes back goes through the task here, so that rewards and falls are the task's own, and observations and
-//! torques are compared with what the task says of the same states.
+//! Plays an exported policy in MuJoCo (sim-to-sim). The Python process has the ONNX, the contract and an MJCF, and
+//! computes observations, actions and torques by itself. MuJoCo's states go through the task here, which computes
+//! rewards and terminations. Observations and torques are compared with the task's at the same states.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nerd_sim::solver::{Fault, check, commit};
+use nerd_sim::solver::{check, commit};
 use nerd_tasks::Episodes;
 use nerd_train::onnx::Contract;
 use nerd_train::ppo::{Game, Policy};
 use serde_json::json;
 
-use super::referee::{Python, from_mujoco, to_mujoco};
-use super::settings::Settings;
+use super::referee::{Python, to_mujoco};
+use super::{settings::Settings, solver::take};
 use crate::prelude::*;
 
-/// Length of a step of MuJoCo (s): our contact is stiff on light links, which at half a millisecond already fly off.
+/// Time step of MuJoCo (s): our contact is stiff on light links and diverges at 5e-4 s.
 const STEP: f64 = 1e-4;
 
 const PLAYER: &str = concat!(include_str!("model.py"), include_str!("player.py"));
 
-/// The model that MuJoCo plays with.
+/// The model that MuJoCo simulates.
 #[derive(Clone, Copy, Debug)]
 pub enum Model<'a> {
     /// Written by us, with our contact translated.
     Ours,
-    /// The robot's MJCF as it is, with its own contact and solver settings, actuators and ground.
+    /// The robot's MJCF with its own contact, solver settings, actuators and ground.
     File(&'a Path),
 }
 
@@ -32,11 +32,11 @@ pub enum Model<'a> {
 pub struct Played {
     pub versions: String,
     pub games: Vec<Game>,
-    /// Games that ended in a terminal state.
+    /// Episodes that ended in a terminal state.
     pub fallen: usize,
     pub settings: Settings,
-    /// Largest differences of MuJoCo's observations from the task's, of actions from the policy's own at the task's observations,
-    /// and of torques from the task's, in units of the largest of its kind.
+    /// Largest differences of observations and torques from the task's, and of actions from the policy's at the task's
+    /// observations. Relative to the largest number of the kind, at least 1.
     pub apart: Gaps,
 }
 
@@ -47,17 +47,17 @@ pub struct Gaps {
     pub torque: f64,
 }
 
-/// Torques and the state that they led to, by environment; `None` where the episode has ended or was given up.
+/// Torques and the state after them, by environment; `None` if the episode has ended or MuJoCo gave it up.
 type Frame = Vec<Option<(Vec<f64>, Option<Vec<f64>>)>>;
 
-/// What of the child's frames has not been stepped through yet, and how far torques were apart.
+/// Frames from MuJoCo that are not replayed yet, and the largest torque difference.
 #[derive(Default)]
 struct Heard {
     frames: std::collections::VecDeque<Frame>,
     torque: f64,
 }
 
-/// Steps as it was heard; who is not played any more stands still.
+/// Replays MuJoCo's frames as a solver; ended episodes stay in place.
 struct Hearsay(Arc<Mutex<Heard>>, Vec<f64>);
 
 impl Solver for Hearsay {
@@ -72,39 +72,35 @@ impl Solver for Hearsay {
             return Err(StepError::Solver("MuJoCo played fewer frames than a step has".into()));
         };
         self.1.clone_from(&batch.states);
-        let (robot, d) = (&batch.system.robot, batch.system.robot.state_dim());
         for (env, heard_of) in frame.into_iter().enumerate() {
             let Some((theirs, state)) = heard_of else { continue };
             heard.torque = heard.torque.max(gap(&torques[env * theirs.len()..][..theirs.len()], &theirs));
-            match state {
-                Some(state) => self.1[env * d..][..d].copy_from_slice(&from_mujoco(robot, &state)),
-                None => faults.push(Fault { env, frame: batch.frames[env], reason: "MuJoCo gave it up".into() }),
-            }
+            take(batch, env, state, &mut self.1, &mut faults);
         }
         commit(batch, &mut self.1, &mut faults)
     }
 
-    /// Servos are MuJoCo's.
+    /// Servos run inside MuJoCo.
     fn capabilities(&self) -> Capabilities {
         Capabilities { drives: true, ..Capabilities::default() }
     }
 }
 
-/// A plane as a geom, and as it is compared with one.
+/// A plane as a MuJoCo geom, and its normal and offset for comparison.
 fn ground(plane: &Plane) -> serde_json::Value {
-    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let turn = rotation_from(&Vector3::z_axis(), &plane.normal);
     let place = plane.normal * plane.offset;
     json!({ "pos": place.as_slice(), "quat": [turn.w, turn.i, turn.j, turn.k], "normal": plane.normal.as_slice(), "offset": plane.offset })
 }
 
-/// Largest difference, of the largest number of the first, at least 1.
+/// Largest difference, relative to the largest number of `ours`, at least 1.
 fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
     let most = ours.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs() / most).fold(0.0, f64::max)
 }
 
-/// Plays one episode of each of `episodes`, of an analytic solver or none yet stepped, by the policy in the file `onnx`; they begin as they do.
+/// Plays one episode in each of `episodes`, from its start, with the policy in the file `onnx`. Their solver must be
+/// analytic or unstepped.
 pub fn play(python: &Path, model: Model, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
     if let Some(unknown) = contract.unknown().first() {
         bail!("a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here", contract.task);

@@ -1,11 +1,18 @@
 """Steps a model with MuJoCo for `nerd_lab::mujoco::Referee`.
 
-JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf` or the `path` of one, `frame_time` (s), `frames`, `starts` as
-[qpos, qvel]; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
-at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is states to `accelerate` freely (without contact, limits, dry friction, equalities
-and actuators), velocities kept to columns of the matrix `along`; the answer is qacc, along them. Or it is a state to `stand` from for `steps` of `frame_time`, joints held at `target`s
-by gains `kp` and `kd` and actuators off; the answer is the last state, null once MuJoCo has given it up; with `floor`, a file in whose world nothing touches gets a plane.
-A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end where the recorded one did.
+JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf` or the `path` of one, `frame_time` (s),
+`frames`, and `starts` as [qpos, qvel]; optionally `targets` [target][start][joint] for the actuators, each held for
+`every` frames. The answer is MuJoCo's version.
+Every other line is one of these requests:
+- `integrator`, `substeps` a frame, `timed`: rolls out. Answer: states at frame ends, [frame][start], null once MuJoCo
+  has given one up, and the seconds of the fastest run. A timed run calls MuJoCo once for each start and target, so
+  Python's time is excluded; it must end in the recorded state.
+- `accelerate`: states without contact, limits, dry friction, equalities and actuators, with velocities restricted to
+  the columns of `along`. Answer: qacc along them.
+- `stand`: a state, stepped `steps` times by `frame_time` with actuators off, joints held at `target` by gains `kp` and
+  `kd`. Answer: the last state, or null. With `floor`, a file without ground contact gets a plane.
+- `move`: states, stepped a frame of `substeps` under `forces` on all DoF. Answer: the next states, or null. Each keeps
+  its warm start.
 """
 
 import json
@@ -25,7 +32,7 @@ def main():
         import mujoco
     except ImportError as error:
         return say(f"no MuJoCo here ({error}); name a Python that has it", "error")
-    # What blows up is counted, and need not be written to a file.
+    # Warnings are counted; MuJoCo need not write them to a file.
     mujoco.set_mju_user_warning(lambda text: None)
     path = request.get("path")
     model = mujoco.MjModel.from_xml_path(path) if path else mujoco.MjModel.from_xml_string(request["mjcf"])
@@ -48,9 +55,9 @@ def main():
         if targets:
             data.ctrl[:] = targets[target][k]
 
-    def state():
+    def state(data=data):
         values = data.qpos.tolist() + data.qvel.tolist()
-        # MuJoCo starts anew where it has blown up, and counts that.
+        # MuJoCo resets a diverged simulation and counts a warning.
         fine = all(abs(x) < 1e10 for x in values) and not any(data.warning[kind].number for kind in bad)
         return values if fine else None
 
@@ -76,7 +83,7 @@ def main():
             return say(f"MuJoCo counts {model.nv} velocities and {model.nq} positions", "error")
         model.opt.timestep, model.opt.integrator = request["frame_time"], mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
-        # As damping of its joints, which MuJoCo steps implicitly.
+        # As joint damping, which MuJoCo integrates implicitly.
         model.dof_damping[first:] += asked["kd"]
         begin(asked["stand"])
         for _ in range(int(asked["steps"])):
@@ -85,8 +92,24 @@ def main():
             mujoco.mj_step(model, data)
         say(state())
 
+    kept = []
+
+    def move(asked):
+        model.opt.timestep = request["frame_time"] / asked["substeps"]
+        model.opt.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + asked["integrator"])
+        answers = []
+        kept.extend(mujoco.MjData(model) for _ in asked["move"][len(kept) :])
+        for own, start, force in zip(kept, asked["move"], asked["forces"]):
+            own.qpos[:], own.qvel[:], own.qfrc_applied[:] = start[: model.nq], start[model.nq :], force
+            mujoco.mj_step(model, own, nstep=asked["substeps"])
+            answers.append(state(own))
+        say(answers)
+
     for line in sys.stdin:
         setting = json.loads(line)
+        if "move" in setting:
+            move(setting)
+            continue
         if "stand" in setting:
             stand(setting)
             continue

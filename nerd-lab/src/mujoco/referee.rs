@@ -1,5 +1,5 @@
-//! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
-//! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
+//! MuJoCo as a reference engine on the same robot. It is optional: a Python with MuJoCo is started on demand, receives
+//! a model and starts, and returns states.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -14,46 +14,46 @@ use crate::prelude::*;
 
 pub(super) const REFEREE: &str = include_str!("referee.py");
 const WARP: &str = include_str!("warp.py");
-/// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
+/// Value of every coordinate of a state that MuJoCo has given up; above the divergence bound.
 const GONE: f64 = 2e5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Scheme {
-    /// Semi-implicit, joint damping implicit.
+    /// Semi-implicit Euler with implicit joint damping.
     Euler,
-    /// The same, all smooth forces of velocity but the Coriolis ones implicit.
+    /// Euler with all velocity-dependent smooth forces implicit, except Coriolis forces.
     ImplicitFast,
     /// Classical Runge-Kutta.
     Rk4,
 }
 
 pub struct Played {
-    /// States of all starts by frame, `[frame][start * state]` as a batch holds them; [`GONE`] once MuJoCo gives one up.
+    /// States of all starts by frame, `[frame][start * state]` as in a batch; [`GONE`] once MuJoCo gives one up.
     pub frames: Vec<Vec<f64>>,
-    /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; or all worlds on a GPU. None if not timed, or if
-    /// MuJoCo gave a world up on the way.
+    /// Wall time (s): all starts on one core, the fastest of a few runs, or all worlds on a GPU. `None` if not timed,
+    /// or if MuJoCo gave up a world.
     pub seconds: Option<f64>,
 }
 
-/// MuJoCo at work on one model from the same starts, at one setting after another.
+/// MuJoCo on one model and one set of starts, under changing settings.
 pub struct Referee {
     pub version: String,
-    /// Of a timed run on a GPU.
+    /// Worlds of a timed run on a GPU.
     worlds: usize,
     robot: Robot,
     pub(super) python: Python,
 }
 
 impl Referee {
-    /// Starts `python` on the robots and scenes of a batch, to roll out `frames` frames from its states, with its drives, which must be those
-    /// of its first environment everywhere. Robot and scene are taken from the first; largest velocities of joints are not kept.
+    /// Starts `python` to roll out `frames` frames from the states of a batch, with its drives. Drives must be equal in
+    /// all environments. Robot and scene are the first environment's; joint velocity limits are ignored.
     pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::held(python, batch, frames, None, None)
     }
 
-    /// The same, with drives on their way to targets; and, where `worlds` are to be stepped together, by MuJoCo Warp, the same engine in 32 bits
-    /// on a GPU, with settings of its own for contacts. That makes no frames one by one.
+    /// As `new`, with drives following the targets of `held`. With `worlds`, MuJoCo Warp (f32 on a GPU, its own contact
+    /// settings) steps this many worlds together in timed runs.
     pub fn held(python: &Path, batch: &Batch, frames: usize, held: Option<&Held>, worlds: Option<usize>) -> Result<Self> {
         let (system, first) = (&batch.system, held.map_or(batch.driven(0), |held| &held.rest));
         if held.is_none() && (1..batch.len()).any(|env| batch.driven(env) != first) {
@@ -85,8 +85,8 @@ impl Referee {
     }
 }
 
-// Of the states only a free root differs: ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p x w]` in world axes; MuJoCo's
-// `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
+// Layouts differ only for a free root: ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p x w]` in world axes.
+// MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
 
 /// `[qpos, qvel]` of a state `[q, qd]`.
 pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
@@ -102,7 +102,7 @@ pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     out
 }
 
-/// The state `[q, qd]` of a `[qpos, qvel]`, endless angles wrapped.
+/// State `[q, qd]` of `[qpos, qvel]`, with angles of unlimited joints wrapped.
 pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     let mut out = state.to_vec();
     if robot.floating() {
@@ -141,7 +141,7 @@ impl Python {
     }
 
     pub fn ask<A: DeserializeOwned>(&mut self, question: &Value) -> Result<A> {
-        // One that has ended says why on its output.
+        // A process that has ended left its error on standard output.
         let _ = writeln!(self.input, "{question}");
         let mut line = String::new();
         self.output.read_line(&mut line).context("cannot hear MuJoCo")?;

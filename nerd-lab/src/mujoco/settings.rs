@@ -1,11 +1,12 @@
-//! The settings that MuJoCo played by.
+//! Settings of a MuJoCo simulation.
 
 use crate::prelude::*;
 
-/// Of contacts those with the world that occurred, each number between its bounds; none where nothing touched.
+/// Settings of a run. Contact parameters are of contacts with the world that occurred, as `[lowest, highest]`; empty
+/// without contact.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// Length of a step (s).
+    /// Time step (s).
     pub timestep: f64,
     pub integrator: String,
     pub cone: String,
@@ -15,11 +16,11 @@ pub struct Settings {
     pub gravity: [f64; 3],
     /// Dimensions of contacts.
     pub condim: Vec<u32>,
-    /// Coefficient along the surface.
+    /// Sliding friction coefficient.
     pub friction: Vec<[f64; 2]>,
     pub solref: Vec<[f64; 2]>,
     pub solimp: Vec<[f64; 2]>,
-    /// By joint, rotors of actuators included (kg m^2 or kg).
+    /// By joint, including actuator rotors (kg m^2 or kg).
     pub armature: Vec<f64>,
     /// What actions set: torques, or targets of the file's position actuators.
     pub control: String,
@@ -29,14 +30,14 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// What differs from another's, each as this one and the other have it.
+    /// Differences from other settings, each with both values.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let (mine, theirs) = (self.words(), other.words());
         let pairs = mine.into_iter().zip(theirs).filter(|(a, b)| a != b);
         pairs.map(|((word, a), (_, b))| format!("{word} {a} and {b}")).collect()
     }
 
-    /// All of them.
+    /// All settings, in words.
     pub fn list(&self) -> Vec<String> {
         self.words().into_iter().map(|(word, text)| format!("{word} {text}")).collect()
     }
@@ -69,7 +70,7 @@ impl Settings {
     }
 }
 
-/// Three digits.
+/// Three significant digits.
 fn number(x: f64) -> String {
     format!("{x:.2e}").parse::<f64>().unwrap_or(x).to_string()
 }

@@ -1,15 +1,15 @@
-//! A robot held by drives beside MuJoCo's model of the same file, held by the same: how high their roots are after a while.
+//! MuJoCo's final state of a robot whose joints are held by drives, from the robot's own file.
 
 use serde_json::json;
 
 use super::referee::{Python, REFEREE, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
-/// Step of MuJoCo (s).
+/// Time step of MuJoCo (s).
 const STEP: f64 = 5e-4;
 
-/// The state of MuJoCo's model of the MJCF at `path` after `seconds` from `state`, with `drives` at the joints and its own actuators off.
-/// It stands on the ground of its file, or where that has none on a plane of MuJoCo's defaults.
+/// MuJoCo's state after `seconds` from `state`, for the MJCF at `path`. `drives` hold the joints; its own actuators are
+/// off. The ground is the file's, or else a plane of MuJoCo's defaults.
 pub fn stand(python: &Path, path: &Path, system: &System, state: &[f64], drives: &[Drive], seconds: f64) -> Result<Vec<f64>> {
     let robot = &system.robot;
     let mut python = Python::start(python, REFEREE)?;

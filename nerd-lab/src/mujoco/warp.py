@@ -1,8 +1,8 @@
 """Steps a model with MuJoCo Warp, on a GPU, for `nerd_lab::mujoco::Referee`.
 
-Asked and answering as referee.py, but that starts are worlds side by side. A timed run steps so many `worlds`, which take starts and their
-first targets in turn; one step is one captured graph, and kernels are compiled before. Contacts and solver are as the robots of `mjlab`
-have them: pyramids of friction, at most 10 iterations of 20 searches.
+Requests and answers as in referee.py, but starts are parallel worlds. A timed run steps `worlds` worlds, which take the
+starts and their first targets in turn; a step is one captured graph, compiled before timing. Contacts and solver are
+set as for the robots of `mjlab`: pyramidal friction cones, at most 10 iterations of 20 line searches.
 """
 
 import json
@@ -10,7 +10,7 @@ import os
 import sys
 import time
 
-# Warp tells standard output what it compiles.
+# Warp prints compiler messages to standard output.
 answers = os.fdopen(os.dup(1), "w")
 os.dup2(2, 1)
 
@@ -41,7 +41,7 @@ def main():
     room = {"nconmax": 24, "njmax": 128}
 
     class Run:
-        """So many worlds at the present settings."""
+        """Parallel worlds at the present settings."""
 
         def __init__(self, worlds):
             self.model = mujoco_warp.put_model(model)
@@ -78,7 +78,7 @@ def main():
             return [row.tolist() if numpy.isfinite(row).all() and (abs(row) < 1e10).all() else None for row in both]
 
         def crowded(self):
-            # Contacts and constraints beyond the room are left out without a word.
+            # Contacts and constraints beyond the allocated size are dropped silently.
             return bool((self.data.overflow.numpy() & full).any())
 
     def recorded(substeps):
@@ -99,7 +99,7 @@ def main():
         return run, time.perf_counter() - before
 
     def roomy(play, *asked):
-        """Played again with twice the room until there is enough."""
+        """Runs `play` again with twice the room until all contacts and constraints fit."""
         while True:
             run, found = play(*asked)
             if not run.crowded():

@@ -1,11 +1,11 @@
-//! Pieces of the page.
+//! HTML parts of the page.
 
 use std::path::Path;
 
 use crate::report::{Artifact, Provenance, Table};
 use nerd_train::replay::{Replay, escape, script};
 
-/// A part of the page under a heading, and its link.
+/// A titled section of the page, and the link to it.
 pub struct Section {
     pub link: String,
     pub html: String,
@@ -19,7 +19,7 @@ impl Section {
     }
 }
 
-/// A table that sorts by the column that is clicked.
+/// A table that sorts by a clicked column.
 pub fn table(table: &Table) -> String {
     let row = |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escape(c))).collect::<String>();
     let rows: String = table.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
@@ -32,7 +32,7 @@ pub fn from(name: &str, provenance: &Provenance) -> String {
     format!("<p class=from>results/{}: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
 }
 
-/// Tables of a result, by name, and where they come from; nothing if it is not there.
+/// A result's tables with these names, and its provenance; empty if the result is missing.
 pub fn result(results: &Path, name: &str, tables: &[&str]) -> String {
     let Ok(result) = Artifact::read(results, name) else { return String::new() };
     let shown: String = tables.iter().filter_map(|name| result.table(name)).map(table).collect();
@@ -48,7 +48,7 @@ pub fn picture(results: &Path, file: &str) -> String {
     if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }
 }
 
-/// A replay that starts when it is seen, with what belongs to it.
+/// A replay that plays while visible, with additional HTML.
 pub fn card(name: &str, replay: &Replay, more: &str) -> String {
     let motion = format!("<div class=motion><script type=application/json>{}</script></div>", script(replay));
     format!("<div class=card><h3>{name}</h3>{motion}{more}</div>")

@@ -1,5 +1,5 @@
-//! One page where a person sees everything: the results of a folder, and motions made on the spot. It loads nothing, so it can be
-//! sent and kept.
+//! The report page: all results of a folder, and motions computed on the spot. It is self-contained, so it can be sent
+//! and kept.
 
 mod html;
 pub mod motions;
@@ -27,10 +27,10 @@ const ROBOTS: [(&str, Cause); 6] = [
 const TASKS: [&str; 8] =
     ["cartpole-swingup", "franka-reach", "ant-run", "anymal-forward", "franka-reach-torque", "ant-spin", "ant-spin-track", "anymal-side"];
 
-/// Motions that a page of this workspace shows, for a bar's total.
+/// Number of motions on the page, for a progress bar.
 pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
 
-/// Writes the page of the results in a folder, with motions of `frames` frames; `bar` counts [`MOTIONS`].
+/// Writes the page of the results in a folder, with motions of `frames` frames; `bar` counts up to [`MOTIONS`].
 pub fn page(frames: usize, results: &Path, out: &Path, bar: &Bar) -> Result<()> {
     let manifest = Manifest::read(results)?;
     let asked = ROBOTS.into_iter().chain(TASKS.map(|task| (task, Cause::Policy(task))));

@@ -1,6 +1,6 @@
-//! Motions for replays: passive, driven as in the data, or under a policy, in the truth and in the learned simulator.
+//! Motions for replays, in the truth and in the learned simulator: passive, driven as in the data, or under a policy.
 
-use nerd_model::pick::learned;
+use nerd_model::solver::learned;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, folder};
@@ -9,10 +9,10 @@ use nerd_train::shipped::{model, policies};
 
 use crate::{prelude::*, roll::begun};
 
-/// Seed of motions that no data have.
+/// Seed of motions that no data set uses.
 const UNSEEN: u64 = 500;
 
-/// A model as a solver, and the truth that it learned, with their names.
+/// A model as a solver, and its truth, with their names.
 fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
     let truth = ModelConfig::truth_of(model)?;
     let model = learned(Model::load(model, system, None)?, system)?;
@@ -21,15 +21,15 @@ fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>)
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Nothing: it is let go in this scene.
+    /// Passive motion in this scene.
     Release(&'static str),
-    /// Torques, start and scene drawn as for its training data, from a seed that no data set uses.
+    /// Torques, start and scene drawn as for the training data, from the seed `UNSEEN`.
     Data,
-    /// The first policy of this task that comes with the project and learned in a model.
+    /// The first shipped policy of this task that was trained in a model.
     Policy(&'static str),
 }
 
-/// A robot that comes with the project, or of a policy's task, in its model and in the truth.
+/// A shipped robot, or the robot of a policy's task, in its model and in the truth.
 pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     match cause {
         Cause::Release(scene) => passive(robot, scene, &model(Truth::default(), robot), frames, 3),
@@ -43,7 +43,7 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     }
 }
 
-/// Passive motion of a model's robot from its reset law, and the truth's from the same start.
+/// Passive motion of a model's robot from its reset distribution, and the truth's from the same start.
 pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let batch = begun(&system, &system.scene(scene)?, 1, Start::Reset, seed);
@@ -51,7 +51,7 @@ pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64)
     beside(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
 }
 
-/// The first motion that [`begin`] and [`record`] make of this seed: start, scene and torques as in a model's data.
+/// The first motion that [`begin`] and [`record`] draw from this seed: start, scene and torques as in a model's data.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
@@ -59,7 +59,7 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     beside(&format!("{}, moved at random", system.name), &begin(&system, &config, 0, 1)?, model, &recording.torques, frames)
 }
 
-/// Motions of a start in both under torques `[frame][joint]`.
+/// Rolls out the model and its truth from one start under torques `[frame][joint]`.
 fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
     let system = &start.system;
     let mut replay = Replay::new(title, start, system.frame_time);
@@ -76,7 +76,7 @@ fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usi
     Ok(replay)
 }
 
-/// The first steps of an episode under a policy's mean actions, in a model and in the truth it learned.
+/// The first steps of an episode under a policy's mean actions, in a model and in its truth.
 pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);

@@ -1,8 +1,8 @@
-//! The parts of the page.
+//! Sections of the page.
 
 use std::path::Path;
 
-use nerd_sim::suite::{Cell, Line, Verdict};
+use nerd_suite::{Cell, Line, Verdict};
 use nerd_train::replay::{Replay, escape};
 
 use super::html::{Section, card, folded, from, picture, result, table};
@@ -35,7 +35,7 @@ pub fn robots(results: &Path, names: &[&str], replays: &[Replay]) -> Section {
     )
 }
 
-/// Speed against accuracy, a chart for each scene that has one.
+/// Speed against accuracy: a chart for each scene with one.
 pub fn charts(manifest: &Manifest, results: &Path) -> Section {
     let chart = |name: &str| format!("<div class=card>{}</div>", picture(results, &format!("{name}/figure.svg")));
     let names = manifest.artefact.iter().map(|entry| entry.name.as_str()).filter(|name| name.starts_with("chart-"));
@@ -47,7 +47,7 @@ pub fn charts(manifest: &Manifest, results: &Path) -> Section {
     )
 }
 
-/// The maps of known answers: what each row asks, why, and what came out.
+/// Stability maps: each row with its question, reason and results.
 pub fn stability(manifest: &Manifest, results: &Path) -> Section {
     let map = |name: &str, about: &str| {
         let found = Artifact::read(results, name).ok()?;
@@ -84,11 +84,10 @@ fn row(line: &Line) -> String {
     format!("<tr title=\"{why}\"><td>{}</td><td>{}</td>{cells}</tr>", escape(&line.row), digits(line.limit))
 }
 
-/// The strict protocol, and a policy of each task at work.
+/// Results of the strict protocol, and a policy of each task in motion.
 pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
     let cards: String = tasks.iter().zip(replays).map(|(task, replay)| card(task, replay, "")).collect();
-    let each = folded("Every seed", &result(results, "fresh", &["fresh", "policies"]))
-        + &folded("Other solvers as judges", &result(results, "judges", &["judges"]));
+    let each = folded("Every seed", &result(results, "fresh", &["fresh", "policies"]));
     Section::new(
         "Policies",
         "Policies that learned in NeRD alone, playing in NeRD (solid) and in the truth (ghost) from one start. Two that act on what they see \
@@ -97,7 +96,7 @@ pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
     )
 }
 
-/// Every result with its tables, whether it holds, and where it comes from.
+/// Every result with its tables, status and provenance.
 pub fn everything(manifest: &Manifest, results: &Path) -> Section {
     let one = |entry: &Entry| {
         let (status, found) = (entry.status(results), Artifact::read(results, &entry.name));

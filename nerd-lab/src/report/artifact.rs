@@ -1,4 +1,4 @@
-//! One result as a folder: where it comes from, what it was measured on, its tables and its figures.
+//! A result as a folder: provenance, inputs, tables and data.
 
 use nerd_train::{shipped::results, words::markdown};
 use serde_json::{Map, Value};
@@ -7,13 +7,14 @@ use super::{Provenance, read_json, write_json};
 use crate::prelude::*;
 use nerd_sim::files::{has_keys, unclaimed};
 
-/// A result. In JSON its data are beside the other fields.
+/// A result. In JSON the data lie beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Artifact {
     pub provenance: Provenance,
     #[serde(default)]
     pub inputs: Inputs,
-    /// Rollouts times frames, or whatever a better measurement has more of. A result gives way to none with less.
+    /// Size of the measurement, such as rollouts times frames. A result is replaced only by one with at least this
+    /// effort.
     #[serde(default)]
     pub effort: f64,
     #[serde(default)]
@@ -43,7 +44,7 @@ impl Artifact {
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         may_write(folder, name, &self.provenance, self.effort)?;
         let path = file(folder, name);
-        // First: a folder that has it is known for one of ours.
+        // Written first: it marks the folder as ours.
         write_json(&path, self)?;
         if !self.tables.is_empty() {
             let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
@@ -53,8 +54,8 @@ impl Artifact {
     }
 }
 
-/// Refuses to replace a result by a weaker one: by one with less effort behind it, or, in the project's own folder, a clean one by
-/// one of a checkout whose files were changed. To be asked before anything is measured.
+/// Refuses to replace a result by a weaker one: with less effort, or, in the project's own folder, from a checkout with
+/// changed files in place of a clean one. Call it before measuring.
 pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64) -> Result<()> {
     if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\']) {
         bail!("--name `{name}`: a result's folder is named by letters and digits; --out says where it is");
@@ -72,7 +73,8 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     };
     if effort < there.effort {
         bail!(
-            "{}: of {} games or rollout frames, this run has {effort}; ask for as many (--games, --starts, --frames), or write elsewhere (--out out/try)",
+            "{}: of {} episodes or rollout frames, this run has {effort}; ask for as many (--episodes, --trajectories, \
+             --frames), or write elsewhere (--out out/try)",
             path.display(),
             there.effort
         );
@@ -84,16 +86,16 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     Ok(())
 }
 
-/// Rows under a header. Cells are text as a person reads it; the numbers are in the artefact's data.
+/// Rows under a header. Cells are text for readers; the numbers are in the artefact's data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Table {
-    /// One word, by which documents name it.
+    /// One word; documents refer to the table by it.
     pub name: String,
     /// What the columns do not say: protocol, units.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
     pub header: Vec<String>,
-    /// As many cells each as there are columns.
+    /// One cell for each column.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -102,7 +104,7 @@ impl Table {
         Self { name: name.into(), header: header.iter().map(ToString::to_string).collect(), ..Self::default() }
     }
 
-    /// What would end a cell or a line in one is written otherwise.
+    /// Sets the rows; characters that would end a cell or a line are replaced.
     pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
         let cell = |text: String| text.replace('|', "/").split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
         self.rows = rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect();
@@ -114,15 +116,16 @@ impl Table {
         self
     }
 
-    /// As an aligned Markdown table, its note below.
+    /// An aligned Markdown table with its note below.
     pub fn markdown(&self) -> String {
         let header: Vec<&str> = self.header.iter().map(String::as_str).collect();
         let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
         markdown(&header, &self.rows) + &note
     }
 
-    /// Rows as objects. The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4`, `1.2 +- 3.4`
-    /// and `1.2 ± 3.4` are lists, and `-` and what is not finite are null. One cell in words, such as `under 0.01`, makes its whole column text.
+    /// Rows as objects. The first column holds names. In a column of numbers alone, `2.1` is a number; `1.2 / 3.4`,
+    /// `1.2 +- 3.4` and `1.2 ± 3.4` are lists; `-` and non-finite values are null. A cell with words, such as
+    /// `under 0.01`, makes its whole column text.
     pub fn json(&self) -> Value {
         let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
         let counts: Vec<bool> = (0..self.header.len()).map(counts).collect();
@@ -136,7 +139,7 @@ impl Table {
     }
 }
 
-/// Of a cell that is one or several, as they are printed: `007` is a name.
+/// The numbers of a cell in printed form; `None` for text, such as the name `007`.
 fn numbers(cell: &str) -> Option<Vec<f64>> {
     let number = |part: &str| {
         let digits = part.trim_start_matches(['+', '-']).as_bytes();
@@ -146,7 +149,7 @@ fn numbers(cell: &str) -> Option<Vec<f64>> {
     cell.split(" / ").flat_map(|part| part.split(" +- ")).flat_map(|part| part.split(" ± ")).map(number).collect()
 }
 
-/// A cell, or a dash where there is nothing.
+/// A cell, or a dash if there is none.
 pub fn or_dash(cell: Option<impl ToString>) -> String {
     cell.map_or_else(|| "-".into(), |cell| cell.to_string())
 }

@@ -1,4 +1,4 @@
-//! Draws a [`Figure`] as SVG: a title, the panels in a grid, and one legend for all of them below.
+//! Draws a [`Figure`] as SVG: title, panels in a grid, one legend below.
 
 use std::ops::Range;
 
@@ -7,11 +7,11 @@ use plotters::{coord::Shift, prelude::*};
 
 use crate::prelude::*;
 
-/// Heights of the title and of a line of the legend (px).
+/// Heights of the title and of a legend line (px).
 const TITLE: u32 = 34;
 const LEGEND_LINE: u32 = 22;
 const FONT: (&str, i32) = ("sans-serif", 13);
-/// Okabe and Ito's colours, which the colour-blind can tell apart, and two more for an eighth and ninth series.
+/// Okabe and Ito's colours, distinguishable with colour blindness, and two more for the eighth and ninth series.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -38,7 +38,7 @@ impl Figure {
     pub fn svg(&self) -> Result<String> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns);
-        // Of a panel.
+        // Size of one panel (px).
         let (width, height) = if self.panels.len() == 1 { (1000, 560) } else { (1200 / columns as u32, 280) };
         let (width, height) = (width * columns as u32, height * rows as u32);
         let names = self.names();
@@ -64,7 +64,7 @@ impl Figure {
     }
 }
 
-/// Two columns of names.
+/// Series names in two columns.
 fn draw_legend(area: &Area, names: &[&str], width: u32) -> Drawn {
     let lines = names.len().div_ceil(2);
     for (k, name) in names.iter().enumerate() {
@@ -84,7 +84,7 @@ impl Panel {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let x = self.x.range(points().map(|p| p.x));
         let y = self.y.range(points().map(|p| p.y).chain(self.levels.iter().map(|l| l.0)));
-        // Each combination has a type of its own.
+        // Each combination of scales has its own type.
         match (self.x.log, self.y.log) {
             (false, false) => self.draw_on(area, names, x.clone(), y, x),
             (false, true) => self.draw_on(area, names, x.clone(), y.log_scale(), x),
@@ -93,7 +93,7 @@ impl Panel {
         }
     }
 
-    /// Axes, levels across the range `x` and series, in the coordinates `across` and `up`.
+    /// Draws axes, levels over the range `x`, and series, in the coordinates `across` and `up`.
     fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, x: Range<f64>) -> Drawn
     where
         X: AsRangedCoord<Value = f64>,

@@ -1,4 +1,4 @@
-//! What a picture shows: panels in a grid, each with axes and series. `draw.rs` makes an SVG of it.
+//! Contents of a figure: panels in a grid, each with axes and series. `draw.rs` renders it as SVG.
 
 use std::ops::Range;
 
@@ -13,7 +13,7 @@ pub struct Figure {
 pub struct Panel {
     pub x: Axis,
     pub y: Axis,
-    /// In the order in which they are drawn, the first below the others.
+    /// In drawing order, the first at the bottom.
     pub series: Vec<Series>,
     /// Dashed horizontal lines: y and name.
     pub levels: Vec<(f64, String)>,
@@ -25,10 +25,10 @@ pub struct Axis {
     pub log: bool,
 }
 
-/// Points that belong together. Series of one name have one colour and one entry in the legend.
+/// Connected points. Series with equal names share a colour and a legend entry.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Without a name a series is grey and not in the legend.
+    /// An empty name makes a grey series without legend entry.
     pub name: String,
     pub points: Vec<Point>,
     pub style: Style,
@@ -50,7 +50,7 @@ pub enum Style {
     Marked,
 }
 
-/// A solver at one setting, in a picture of error against cost.
+/// A solver at one setting, in a figure of error against cost.
 pub struct Mark<'a> {
     pub series: &'a str,
     pub cost: f64,
@@ -65,8 +65,7 @@ impl Figure {
         Self { title, columns: 1, panels: vec![panel] }
     }
 
-    /// Error over cost, with the labels of both axes: a line for each series, and steps along the front, from each of its points across to
-    /// the cost of the next and then down.
+    /// Error against cost, with the labels of both axes. Each series is a line; a staircase connects the front.
     pub fn speed<'a>(title: String, axes: [String; 2], marks: impl IntoIterator<Item = Mark<'a>>, levels: Vec<(f64, String)>) -> Self {
         let (mut front, mut series): (Vec<(f64, f64)>, Vec<Series>) = (Vec::new(), Vec::new());
         for mark in marks {
@@ -84,7 +83,7 @@ impl Figure {
         Self::single(title, Panel { x, y, series, levels })
     }
 
-    /// Names of series, for the legend.
+    /// Distinct names of series, for the legend.
     pub(super) fn names(&self) -> Vec<&str> {
         let mut names: Vec<&str> = Vec::new();
         for series in self.panels.iter().flat_map(|p| &p.series) {
@@ -108,7 +107,7 @@ impl Axis {
         Self { label: label.into(), ..Self::default() }
     }
 
-    /// Logarithmic: values that are not above 0 are left out.
+    /// Logarithmic: values not above 0 are omitted.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), log: true }
     }
@@ -117,14 +116,14 @@ impl Axis {
         value.is_finite() && (!self.log || value > 0.0)
     }
 
-    /// Range of all values that it shows, with a margin.
+    /// Range of all shown values, with a margin.
     pub(super) fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
         let (low, high) = values.filter(|v| self.shows(*v)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         let none = low > high;
         match (none, self.log) {
             (true, true) => 0.1..10.0,
             (true, false) => 0.0..1.0,
-            // Whole decades, one at least: ticks are at powers of ten.
+            // Whole decades, at least one: ticks are at powers of ten.
             (false, true) if high / low < 30.0 => {
                 10f64.powf(low.log10().floor())..10f64.powf(high.log10().ceil().max(low.log10().floor() + 1.0))
             }
@@ -142,8 +141,8 @@ impl Axis {
     }
 }
 
-/// Which of these (cost, error) no other is better than: at most as large in both, and smaller in one. False for None, which does not
-/// compete.
+/// The Pareto front of (cost, error): true if no other is at most as large in both and smaller in one. False for
+/// `None`, which does not compete.
 pub fn unbeaten(race: &[Option<(f64, f64)>]) -> Vec<bool> {
     let beats = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
     race.iter().map(|own| own.is_some_and(|own| !race.iter().flatten().any(|other| beats(*other, own)))).collect()

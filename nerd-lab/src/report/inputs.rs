@@ -1,31 +1,31 @@
-//! A result's inputs by content, so that a later check can tell whether it still holds.
+//! A result's inputs, identified by content so that a later check can tell whether the result still holds.
 //!
-//! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout: a renamed file changes
-//! nothing, a changed step does.
+//! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout. A
+//! renamed file changes nothing, a changed step does.
 
-use crate::{choice::Choice, prelude::*};
+use crate::prelude::*;
 use nerd_train::shipped::{from_root, root};
 
 use crate::error;
 use crate::roll::{begun, rolled};
 use sha2::{Digest, Sha256};
 
-/// Frames of the rollout by which a solver is known: long enough to fall, touch and bend, too short for rounding to grow.
+/// Frames of the rollout that identifies a solver: enough to fall, touch and bend, too few for rounding to grow.
 const FRAMES: usize = 40;
-/// How far apart (relative to the largest coordinate) two machines' roundings may bring it.
+/// Largest difference between two machines' final states, relative to the largest coordinate (at least 1).
 const SAME: f64 = 1e-6;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Input {
-    /// A robot with how it is started, driven and controlled ([`System::sha256`]).
+    /// A robot with its starts, drives and controller ([`System::sha256`]).
     Robot { name: String, sha256: String },
-    /// A model, by its folder from the workspace's root and all that decides its predictions.
+    /// A model: its folder relative to the workspace, and a hash of all that affects predictions.
     Model { folder: String, sha256: String },
-    /// A policy, by its folder from the workspace's root and its files.
+    /// A policy: its folder relative to the workspace, and a hash of its files.
     Policy { folder: String, sha256: String },
     /// A solver, by the state that it takes a robot to from the first start of its reset law.
-    Motion { robot: String, scene: String, solver: Setting, state: Vec<f64> },
+    Motion { robot: String, scene: String, solver: SolverSpec, state: Vec<f64> },
     /// Data from outside the repository.
     Data { name: String, sha256: String },
 }
@@ -44,19 +44,19 @@ impl Input {
         Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
     }
 
-    /// Data in files from outside the repository, in this order.
+    /// Data files from outside the repository, in this order.
     pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
         Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }
 
-    pub fn motion(robot: &str, scene: &str, solver: &Setting) -> Result<Self> {
+    pub fn motion(robot: &str, scene: &str, solver: &SolverSpec) -> Result<Self> {
         let system = System::named(robot)?;
         let begun = begun(&system, &system.scene(scene)?, 1, Start::Reset, 1);
-        let batch = rolled(begun, &mut *solver.solver(&system)?, FRAMES)?;
+        let batch = rolled(begun, &mut *solver.solver(&system, 1)?, FRAMES)?;
         Ok(Self::Motion { robot: robot.into(), scene: scene.into(), solver: solver.clone(), state: batch.state(0).to_vec() })
     }
 
-    /// The same thing as it is now; `None` where it is not here, as data from outside.
+    /// The present version of this input; `None` for data from outside.
     pub fn now(&self) -> Result<Option<Self>> {
         Ok(match self {
             Self::Robot { name, .. } => Some(Self::robot(&*System::named(name)?)),
@@ -67,7 +67,7 @@ impl Input {
         })
     }
 
-    /// Whether it is that one still; motions up to rounding.
+    /// Whether both are equal; motions up to rounding.
     pub fn same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Motion { state: a, .. }, Self::Motion { state: b, .. }) => {
@@ -82,7 +82,7 @@ impl Input {
         match self {
             Self::Robot { name, .. } => format!("robot {name}"),
             Self::Model { folder, .. } | Self::Policy { folder, .. } => folder.clone(),
-            Self::Motion { robot, scene, solver, .. } => format!("{solver:?} on {robot} in {scene}"),
+            Self::Motion { robot, scene, solver, .. } => format!("{solver} on {robot} in {scene}"),
             Self::Data { name, .. } => format!("data {name}"),
         }
     }
@@ -100,12 +100,11 @@ impl Inputs {
     }
 
     /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as [`System::named`] knows it.
-    pub fn solver(&mut self, choice: &Choice, robot: &str, scene: &str) -> Result<()> {
-        match choice.setting(&*System::named(robot)?) {
-            Some(Setting::Neural(folder)) => self.add(Input::model(&folder)?),
-            Some(setting) => self.add(Input::motion(robot, scene, &setting)?),
-            None => {}
-        }
+    pub fn solver(&mut self, spec: &SolverSpec, robot: &str, scene: &str) -> Result<()> {
+        self.add(match spec.folder() {
+            Some(folder) => Input::model(folder)?,
+            None => Input::motion(robot, scene, spec)?,
+        });
         Ok(())
     }
 
@@ -119,7 +118,7 @@ impl Inputs {
     }
 }
 
-/// Hash of files, one behind the other.
+/// SHA-256 of the concatenated files, in hex.
 fn of_files(files: &[PathBuf]) -> Result<String> {
     let mut all = Sha256::new();
     for path in files {

@@ -1,4 +1,4 @@
-//! `results/manifest.toml`: every result with the command that makes it, and whether it still holds.
+//! `results/manifest.toml`: every result with its command, and whether the result still holds.
 
 use super::artifact::{Artifact, file};
 use crate::prelude::*;
@@ -16,28 +16,28 @@ pub struct Manifest {
 pub struct Entry {
     pub name: String,
     pub about: String,
-    /// What makes it, behind `cargo xtask`.
+    /// The command that makes the result, without `cargo xtask`.
     pub command: String,
-    /// What made it, where the program of that commit called it otherwise.
+    /// The command at the time of measurement, if it had another form.
     #[serde(default)]
     pub made: Option<String>,
-    /// Kept as it was measured: making it again takes days of a GPU, or what it measured was not kept. It is never stale.
+    /// Kept as measured and never stale: making it again takes days on a GPU, or its inputs are lost.
     #[serde(default)]
     pub record: bool,
-    /// Why it no longer describes the program, until its command is run again.
+    /// Why the result is outdated, until its command runs again.
     #[serde(default)]
     pub stale: Option<String>,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Status {
-    /// It was measured by its command on what is here now.
+    /// Measured by its command on the present inputs.
     Current,
-    /// It is kept as it was measured, at this commit.
+    /// Kept as measured, at this commit.
     Record(String),
-    /// It was measured on what has changed since, as the manifest says.
+    /// Measured on inputs that have changed; the manifest gives the reason.
     Stale(String),
-    /// It does not hold, for this reason.
+    /// Does not hold, for this reason.
     Wrong(String),
 }
 
@@ -68,7 +68,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Results in the folder that it does not list.
+    /// Results in the folder that the manifest does not list.
     pub fn strangers(&self, folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).filter(|name| file(folder, name).exists());
@@ -109,9 +109,9 @@ impl Entry {
     }
 }
 
-/// A command line without what does not change a result: how it is called and where it writes.
+/// A command line without the parts that do not affect a result: the program's name, `--out` and `--json`.
 fn plain(command: &str) -> String {
-    let called = ["cargo xtask ", "python -m nerd "].into_iter().find_map(|program| command.strip_prefix(program));
+    let called = ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));
     let mut words = called.unwrap_or(command).split_whitespace();
     let mut kept = Vec::new();
     while let Some(word) = words.next() {

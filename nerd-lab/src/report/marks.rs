@@ -1,4 +1,4 @@
-//! Figures in documents: each is between marks that name its result, and a command fills it in.
+//! Figures in documents: marks name a result, and a command fills in the value.
 //!
 //! ```text
 //! <!--= ant-2048 /rows/0/report/error/0 -->0.0145<!--/-->     a number
@@ -29,7 +29,7 @@ impl Marks {
         Self { folder: folder.into(), read: BTreeMap::new() }
     }
 
-    /// A document with all its figures and tables as the results have them.
+    /// A document with all figures and tables filled in from the results.
     pub fn fill(&mut self, text: &str) -> Result<String> {
         let figures = between(text, FIGURE, |mark| self.figure(mark))?;
         between(&figures, TABLE, |mark| self.table(mark))
@@ -68,7 +68,7 @@ impl Marks {
     }
 }
 
-/// A text in which what stands between `open MARK -->` and `close` is what `fill` says of the mark.
+/// Replaces the text between `open MARK -->` and `close` by `fill(MARK)`.
 fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -> Result<String>) -> Result<String> {
     let (mut done, mut rest) = (String::new(), text);
     while let Some(at) = rest.find(open) {
@@ -92,8 +92,7 @@ pub fn documents(root: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Decimal numbers of a document that stand neither between marks nor in code nor in a link, by line: nothing tells where they
-/// come from.
+/// Decimal numbers of a document, with their lines, outside marks, code and links: their source is unknown.
 pub fn unmarked(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     let (mut fenced, mut table) = (false, false);
@@ -109,7 +108,7 @@ pub fn unmarked(text: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// A line without figures between marks, comments, code and the targets of links.
+/// A line without marked figures, comments, code and link targets.
 fn bare(line: &str) -> String {
     let mut line = line.to_string();
     for (open, close) in [FIGURE, ("<!--", "-->"), ("`", "`"), ("](", ")"), ("https://", " ")] {

@@ -1,4 +1,4 @@
-//! Where figures come from and where they go: provenance, what was measured, tables, pictures, documents.
+//! Results and where they appear: provenance, inputs, tables, figures, documents.
 
 pub mod artifact;
 mod draw;
@@ -18,7 +18,7 @@ pub use manifest::{Manifest, Status};
 pub use nerd_train::provenance::Provenance;
 pub use nerd_train::words::{digits, pair};
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     nerd_sim::files::write(path, bytes).map_err(error::file(path))
 }
@@ -33,7 +33,7 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_str(&text).map_err(error::file(path))
 }
 
-/// Every file below a folder, in order; no link is followed. None below one that is not there.
+/// All files below a folder, sorted; links are not followed. Empty if the folder is missing.
 pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     if !folder.exists() {

@@ -1,4 +1,4 @@
-//! Robots as their files are read here beside what MuJoCo makes of the same files: masses, contact, accelerations.
+//! Compares robots with MuJoCo's reading of the same files: masses, contacts, accelerations, standing height.
 
 use nerd_sim::mjcf::is_mjcf;
 
@@ -7,29 +7,30 @@ use super::{each, stand};
 use crate::mujoco::{apart, compare};
 use crate::prelude::*;
 
-/// Random states in which accelerations are compared.
+/// Random states for comparing accelerations.
 const STATES: u64 = 100;
-/// Seconds for which free robots stand.
+/// Time for which free robots stand (s).
 const STANDING: f64 = 1.0;
-/// Heights (m) after that by which the two may differ.
+/// Tolerance on the height difference after that time (m).
 const LEVEL: f64 = 3e-3;
-/// Share of an acceleration that two programs may differ by.
+/// Tolerance on accelerations, relative.
 const ALIKE: f64 = 1e-6;
 
-/// What came of a file.
+/// Comparison of one file.
 struct Beside {
-    /// Accelerations apart.
+    /// Largest difference of accelerations (relative).
     apart: Result<f64, String>,
-    /// Numbers of moving bodies and of geom pairs that may touch; `None` for a URDF, which has neither scene nor friction.
+    /// Numbers of moving bodies and of geom pairs that may touch; `None` for a URDF, which has no scene and no
+    /// friction.
     sizes: Option<[usize; 2]>,
     /// Height above MuJoCo's standing pose (m) and angle to it (rad); `None` for a URDF or a robot that does not stand.
     stands: Option<Result<[f64; 2], String>>,
-    /// What differs of masses and contact.
+    /// Differences of masses and contacts.
     differences: Vec<String>,
 }
 
 impl Beside {
-    /// Of a file that is read here; `why` takes an error as its row has it.
+    /// Compares a file; `why` converts an error to the text of its row.
     fn of(Found { path, .. }: &Found, system: &Arc<System>, python: &Path, why: impl Fn(Error) -> String) -> Result<Self, String> {
         let apart = apart(python, path, system, STATES).map_err(&why);
         if !text(path).is_ok_and(|text| is_mjcf(&text)) {
@@ -44,12 +45,12 @@ impl Beside {
         self.differences.is_empty()
     }
 
-    /// Whether accelerations are no farther apart than rounding.
+    /// Whether accelerations differ only by rounding.
     fn alike(&self) -> bool {
         self.apart.as_ref().is_ok_and(|gap| *gap <= ALIKE)
     }
 
-    /// Of a robot that stands, by how much higher (mm), or why that is not known.
+    /// Height difference (mm) and angle of a robot that stands, or the error.
     fn height(&self) -> String {
         match &self.stands {
             Some(Ok([height, turn])) => format!("{:.1}, {:.1} deg", 1e3 * height, turn.to_degrees()),
@@ -73,7 +74,7 @@ impl Beside {
     }
 }
 
-/// Each robot beside MuJoCo's, by a Python that has it: equal only if all agrees, else what differs first, or why it is refused.
+/// Table of robots beside MuJoCo's: `equal` if all agrees, else the first difference or the refusal.
 pub fn beside(files: &[Found], python: &Path) -> Table {
     let one = |found: &Found| {
         caught(|| {

@@ -1,6 +1,6 @@
-//! Other people's robots: each .urdf of a folder is read as it is, on a fixed and on a free base, and rolled out from zero
-//! coordinates under gravity, or refused with one line that names what is not supported. A file that cannot be read, or that we panic on,
-//! gets a line too and does not stop the others.
+//! Survey of third-party robots: each URDF or MJCF of a folder is read on a fixed and a free base. It is rolled out
+//! from zero coordinates under gravity. Unsupported features, unreadable files and panics give a line each and do not
+//! stop the others.
 //!
 //! ```
 //! let found = nerd_lab::survey::find("../nerd-sim/assets".as_ref())?;
@@ -21,9 +21,9 @@ pub use stand::verdict;
 
 use crate::prelude::*;
 
-/// Each file read and rolled out, a line each; and notes of a robot that is alone.
+/// Reads and rolls out each file, a line each; with the notes of a single robot.
 pub fn read(files: &[Found]) -> (Table, Vec<String>) {
-    // A panic has a line in the table; elsewhere it would tear the bar.
+    // A panic becomes a line of the table; printing it would break the progress bar.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| ()));
     let robots = each(files, survey);

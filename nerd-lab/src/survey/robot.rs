@@ -1,4 +1,4 @@
-//! Files that may be robots: what each holds, and whether that moves.
+//! Robot files: their contents, and whether the robot moves.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -7,35 +7,34 @@ use nerd_sim::mjcf::is_mjcf;
 use crate::{prelude::*, roll::rolled};
 
 pub(super) const FRAMES: usize = 10;
-/// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it
-/// moves.
+/// Substeps of a frame: the accurate preset's, then more for stiff joint damping on light links.
 const SUBSTEPS: [usize; 2] = [4, 64];
 
 #[derive(Clone, Debug)]
 pub struct Surveyed {
     pub name: String,
     pub sizes: Option<Sizes>,
-    /// Whether it moves on a fixed base: substeps a frame, 0 where it has nothing to move, or why not.
+    /// Substeps a frame with which it moves on a fixed base (0: nothing to move), or why not.
     pub fixed: Result<usize, String>,
     pub floating: Result<usize, String>,
-    /// What was taken for granted, on the first of them.
+    /// Assumptions about the file, from the first base that can be read.
     pub(super) notes: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
     pub links: usize,
-    /// Joints, of one degree of freedom each.
+    /// Joints with one degree of freedom each.
     pub joints: usize,
-    /// kg.
+    /// Mass (kg).
     pub mass: f64,
     pub meshes: usize,
 }
 
-/// Reads a file on both bases and rolls what it holds out.
+/// Reads a file on both bases and rolls it out.
 pub fn survey(Found { path, name }: &Found) -> Surveyed {
     let text = text(path);
-    // None where nothing of it moves.
+    // `None` if nothing moves.
     let read = |floating| -> Result<Option<System>, String> {
         let text = text.as_ref().map_err(String::clone)?;
         caught(|| match System::bare_at(name, text, floating, Some(path)) {
@@ -56,7 +55,7 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
     Surveyed { name: name.clone(), sizes, fixed, floating, notes }
 }
 
-/// What came of a robot; a panic is our fault, and says so.
+/// Runs `of`; a panic becomes an error that asks for a report.
 pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
@@ -64,7 +63,8 @@ pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, Str
     })
 }
 
-/// Degrees of freedom above which the implicit step is asked, which follows the tree: by its matrix a chain of a thousand takes minutes.
+/// Degrees of freedom above which drives force the implicit step along the tree; by its matrix, a chain of a thousand
+/// takes minutes.
 const DEEP: usize = 100;
 
 fn roll(system: System, name: &str) -> Result<usize, String> {
@@ -73,7 +73,7 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
     let frames = |substeps| {
         let config = ArticulatedConfig { substeps, contact_substeps: substeps, ..ArticulatedConfig::converged(Friction::Coulomb) };
         let (mut solver, mut batch) = (Articulated::new(config), Batch::new(&system, &scene, 1));
-        // Drives are held by that step alone, if they do nothing, too.
+        // Drives need the implicit step; these have no effect.
         let idle = if system.robot.nv() > DEEP { system.robot.joint_count() } else { 0 };
         batch.drives = vec![Drive::default(); idle];
         rolled(batch, &mut solver, FRAMES).map(|_| substeps).map_err(|e| e.to_string())
@@ -84,11 +84,11 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {
     pub path: PathBuf,
-    /// Its path from the folder asked for.
+    /// Path relative to the searched folder.
     pub name: String,
 }
 
-/// `path`, or the .urdf files and MJCFs (.xml) below it by name; also a folder below it that cannot be read. No link is followed.
+/// `path`, or the .urdf files and MJCFs (.xml) below it by name, and unreadable folders. Links are not followed.
 pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
     let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
     let mut files = Vec::new();
@@ -117,13 +117,13 @@ fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
     }
 }
 
-/// The text of a file, or why it has none.
+/// The text of a file, or why it cannot be read.
 pub(super) fn text(path: &Path) -> Result<String, String> {
     let bytes = nerd_sim::files::read(path).map_err(|e| format!("cannot be read: {e}"))?;
     String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
 }
 
-/// The message, without the name that its row already has.
+/// The error without the robot's name, which its row already has.
 pub(super) fn reason(error: &impl std::fmt::Display, name: &str) -> String {
     error.to_string().replace(&format!("robot `{name}`: "), "")
 }

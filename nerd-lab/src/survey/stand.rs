@@ -1,31 +1,34 @@
-//! Whether a robot stands, hangs or falls, in a line: a while of simulation from its default pose, which an SRDF beside it may name, each
-//! joint held by a drive ([`nerd_sim::drive::holding`]), and the same without.
+//! Whether a robot stands, hangs or falls, in a line: simulated from its default pose (an SRDF beside it may name it),
+//! with joints held by drives ([`nerd_sim::drive::holding`]), and limp.
 
-use nerd_sim::{drive::holding, scene::foot, system::GROUND};
+use nerd_sim::drive::holding;
+use nerd_sim::scene::{foot, up};
+use nerd_sim::system::GROUND;
 
 use crate::mujoco::stand as stood;
 use crate::{prelude::*, roll::rolled};
 
-/// Degrees of freedom of which a second takes seconds.
+/// Most degrees of freedom; beyond, a simulated second takes seconds.
 const MOST: usize = 200;
-/// Beyond this tilt (rad), or lower by this share of its height, a robot has fallen.
+/// A robot has fallen beyond this tilt (rad), or if its root sinks by more than this share of its height.
 const TILTED: f64 = 0.35;
 const LOWER: f64 = 0.2;
-/// A joint that is farther (rad or m) from its pose has not been held.
+/// Largest joint error (rad or m) that counts as held in place.
 const HELD: f64 = 0.1;
 
-/// The default pose, a free root set on the ground.
+/// The default pose, with a free robot set on the ground.
 fn set_down(system: &System) -> Vec<f64> {
     let mut state = system.default_state();
     if system.robot.floating() && !system.robot.contact_points.is_empty() {
-        let sunk = up(system) * lowest(system, &state);
+        let sunk = up(&system.gravity()) * lowest(system, &state);
         (0..3).for_each(|k| state[k] -= sunk[k]);
     }
     state
 }
 
-/// How much higher (m) the root of a free robot is after `seconds` than in MuJoCo's model of the same MJCF at `path`, both from the default pose and
-/// held by the same drives, and the tilt (rad) between them; `None` for a fixed base, and for a robot that touches nothing or is too large.
+/// After `seconds`: height of a free robot's root above MuJoCo's for the MJCF at `path` (m), and the angle between them
+/// (rad). Both start from the default pose under equal drives. `None` for a fixed base, without contact points, or for
+/// too many degrees of freedom.
 pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: f64) -> Option<Result<[f64; 2]>> {
     let robot = &system.robot;
     let small = robot.nv() <= MOST && robot.floating() && !robot.contact_points.is_empty();
@@ -36,7 +39,7 @@ pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: 
         let scene = system.scene(if system.all_scenes().contains(&GROUND) { GROUND } else { "plane" })?;
         let [_, ours] = rolls(system, &scene, &state, &drives, (seconds / system.frame_time).round() as usize)?;
         let turn = quaternion(&ours[3..7]).angle_to(&quaternion(&theirs[3..7]));
-        Ok([up(system).dot(&(vector(&ours) - vector(&theirs))), turn])
+        Ok([up(&system.gravity()).dot(&(vector(&ours) - vector(&theirs))), turn])
     })
 }
 
@@ -62,7 +65,7 @@ fn tried(system: &Arc<System>, seconds: f64) -> Result<String> {
     })
 }
 
-/// The last two states of `frames` frames of the preset `accurate`.
+/// The last two states of `frames` frames with the preset `accurate`.
 fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Drive], frames: usize) -> Result<[Vec<f64>; 2]> {
     let (mut batch, mut solver) = (Batch::new(system, scene, 1), Articulated::new(ArticulatedConfig::accurate(system)));
     batch.reset(0, state);
@@ -72,20 +75,15 @@ fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Driv
     Ok([before.states, last.states])
 }
 
-/// Against gravity; along z where there is none.
-fn up(system: &System) -> Vector3<f64> {
-    -system.gravity().try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
-}
-
 /// Height of the lowest contact point (m).
 fn lowest(system: &System, state: &[f64]) -> f64 {
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
     kinematics(robot, state, &mut data);
-    let heights = robot.contact_points.iter().map(|p| foot(p, &data, &up(system)));
+    let heights = robot.contact_points.iter().map(|p| foot(p, &data, &up(&system.gravity())));
     heights.fold(f64::INFINITY, f64::min)
 }
 
-/// What it does, with figures of the last frame.
+/// Whether it stands, falls, moves or hangs still, with figures of the last frame.
 fn ended(system: &System, start: &[f64], [before, last]: &[Vec<f64>; 2]) -> String {
     let robot = &system.robot;
     let (coords, rates) = (robot.root_coords(), robot.nq() + robot.root_dofs());
@@ -95,7 +93,7 @@ fn ended(system: &System, start: &[f64], [before, last]: &[Vec<f64>; 2]) -> Stri
     let fastest =
         most(last[rates..].to_vec()).map_or(String::new(), |(k, v)| format!(", fastest `{}` at {} {}/s", name(k), digits(v), unit(k)));
     if robot.floating() {
-        let up = up(system);
+        let up = up(&system.gravity());
         let [from, height] = [start, last].map(|state| up.dot(&vector(state)));
         let tilt = (quaternion(&last[3..7]) * (quaternion(&start[3..7]).inverse() * up)).angle(&up);
         let way = (vector(last) - vector(before)).norm() / system.frame_time;

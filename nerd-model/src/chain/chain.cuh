@@ -1,19 +1,19 @@
-// A chain before and after its network, as chain/*.rs have it, in 64 bits: the state as rods, contacts and tokens; then the state that
-// follows. Sizes and tables come from the host: RODS, INPUTS of a token, LDX numbers from one to the next, OUTPUTS, LENGTH and RADIUS of a
-// rod, FRAME, REACH, QUICK; HOME, STIFFNESS, PULSE of the gripper, STRETCH of outputs, WRAPS of coordinates.
+// The computation around a chain's network in 64 bits, as in chain/*.rs: rods, contacts and tokens of a state, then the
+// next state. The host defines the constants (device.rs): INPUTS and LDX, the width and stride of tokens; FRAME, the
+// frame time (s); HOME, STIFFNESS and PULSE of the gripper; STRETCH of outputs; WRAPS of coordinates.
 
 #ifndef __CUDACC_RTC__
 using std::tanh; using std::hypot; using std::atan2; using std::copysign;
 #endif
 
 constexpr int HALF = 6 + 2 * RODS, STATE = 2 * HALF;
-constexpr int GRIPPER = 12;                       // place, velocity, angles, rates
+constexpr int GRIPPER = 12;                       // position, velocity, angles, rates
 constexpr int CHAIN = GRIPPER + 6 * RODS;         // the gripper, directions of rods, their rates
 
-// Axes of a link and their angular velocity.
+// Axes of a link and its angular velocity, world.
 struct Axes { V3 c[3]; V3 w; };
 
-// Rotates about the own axis k.
+// Rotates about body axis k.
 FN void turn(Axes& a, int k, double angle, double rate) {
     a.w = a.w + a.c[k] * rate;
     const double s = sin(angle), c = cos(angle);
@@ -38,7 +38,7 @@ FN void points(const double* gripper, V3& t, V3& rate) {
     rate = v3(-sy * cp, cy * cp, 0) * gripper[9] + v3(-cy * sp, -sy * sp, -cp) * gripper[10];
 }
 
-// A frame of the gripper under its drives alone.
+// The gripper's motion in a frame under its drives alone.
 FN void glide(const double* gripper, const double* tau, double* next) {
     for (int k = 0; k < 6; k++) {
         const int x = k < 3 ? k : k + 3, v = x + 3;
@@ -53,7 +53,7 @@ FN void write3(double* p, V3 v) { p[0] = v.x; p[1] = v.y; p[2] = v.z; }
 FN float* put(float* out, V3 v) { out[0] = (float)v.x; out[1] = (float)v.y; out[2] = (float)v.z; return out + 3; }
 FN float* put(float* out, double x) { *out = (float)x; return out + 1; }
 
-// Converts a state to rods: the gripper, directions, their rates.
+// Converts a state to rods: the gripper, directions and their rates.
 BIG void rods(const double* state, double* chain) {
     const double *q = state, *qd = state + HALF;
     for (int k = 0; k < 3; k++) {
@@ -71,7 +71,7 @@ BIG void rods(const double* state, double* chain) {
     }
 }
 
-// The gripper's motion under its drives alone, as tokens hold it.
+// The gripper's motion under its drives alone, in the units of tokens.
 struct Ahead { V3 change, velocity, swing, direction; };
 
 FN Ahead ahead(const double* gripper, const double* glided) {
@@ -83,7 +83,7 @@ FN Ahead ahead(const double* gripper, const double* glided) {
     return a;
 }
 
-// The nearest surface at a position, masked as in tokens; 0, or LOST.
+// Normal and gap of the nearest surface at a position, masked as in tokens. Returns 0 or LOST.
 FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double& gap) {
     double nearest = infinite();
     normal = v3(0, 0, 0);
@@ -98,7 +98,7 @@ FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double&
     return 0;
 }
 
-// The token of a rod.
+// Writes the token of a rod.
 FN void token(float* out, V3 along, V3 rate, V3 velocity, V3 normal, double gap, const Ahead& ahead) {
     const double speed = dot(velocity, normal);
     out = put(put(put(put(out, along), rate * 0.1), velocity * 0.5), normal);
@@ -109,7 +109,7 @@ FN void token(float* out, V3 along, V3 rate, V3 velocity, V3 normal, double gap,
     for (int i = INPUTS; i < LDX; i++) out = put(out, 0.0);
 }
 
-// Writes rod tokens, and the data that `apply` needs; returns 0 or a fault code.
+// Writes the rods' tokens, and the state of the chain for `apply`. Returns 0 or a fault code.
 BIG int tell(const double* state, const double* tau, const double* scene, double* memo, float* tokens) {
     Surface surface[NC + 1];
     int surfaces = 0;
@@ -137,14 +137,14 @@ FN V3 said3(const float* said, int first) {
     return v3(said[first] * STRETCH[first], said[first + 1] * STRETCH[first + 1], said[first + 2] * STRETCH[first + 2]);
 }
 
-// Direction and rate u of a rod after its outputs are added, before normalisation.
+// Direction of a rod before normalisation and its rate u, with outputs added.
 FN V3 said(const double* chain, int k, const float* row, V3& u) {
     const V3 rate = read3(chain + GRIPPER + 3 * (RODS + k));
     u = rate + said3(row, 0);
     return read3(chain + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
 }
 
-// Replaces `state` by the state after the outputs `[rod][OUTPUTS]`; returns 0 or GONE.
+// Replaces `state` by the next state, from the outputs `[rod][OUTPUTS]`. Returns 0 or GONE.
 BIG int apply(double* state, const double* memo, const float* numbers) {
     double gripper[GRIPPER], next[STATE];
     for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + numbers[6 + k] * STRETCH[6 + k];

@@ -1,6 +1,6 @@
-// A frame of chains, as a solver makes it.
+// Kernels of a frame of chains, one thread per environment.
 
-// Tokens of `n` environments; one that failed before is skipped. Torques are held, or one set a frame.
+// Writes tokens of `n` environments; failed ones are skipped. `held` says whether one set of torques serves all frames.
 extern "C" __global__ void chain_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, double* memos,
                                       float* tokens, int* faults, const unsigned* done, int n, const int* held) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;

@@ -1,6 +1,6 @@
-//! Everything around a chain's network, as a program for a GPU: the text of two kernels, `chain_tell` and `chain_apply`.
+//! The computation around a chain's network as GPU code: the text of two kernels, `chain_tell` and `chain_apply`.
 //!
-//! They are this module in 64 bits, on vectors and surfaces of the articulated solver's kernels.
+//! They compute in 64 bits and use the vectors and surfaces of the articulated solver's kernels.
 
 use nerd_sim::articulated::device::{number, surfaces};
 
@@ -9,18 +9,18 @@ use super::{layout::Chain, step::OUTPUTS};
 use crate::prelude::*;
 use crate::program::op::padded;
 
-/// Numbers that represent a chain on a GPU: the gripper's twelve, directions of rods, their rates. This many are kept per environment
-/// between the two kernels.
+/// Doubles that store a chain on a GPU: twelve of the gripper, directions of rods, their rates. The buffer between the
+/// two kernels holds one set per environment.
 pub fn numbers(chain: &Chain) -> usize {
     12 + 6 * chain.rods
 }
 
-/// The text for a chain, for scenes of at most `colliders` colliders; `scale` is the scale of each output.
+/// The kernels for a chain in scenes of at most `colliders` colliders; `scale` is the scale of each output.
 pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     chain_functions(chain, scale, system, colliders) + include_str!("chain_frame.cuh")
 }
 
-/// The same without kernels: the functions that they call.
+/// As `chain_program`, without kernels: the functions that they call.
 pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
     text.define([("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)]);

@@ -1,36 +1,37 @@
-//! The network's view of a rod: a token of [`INPUTS`] numbers.
+//! Tokens of rods: [`INPUTS`] numbers per rod.
 //!
-//! | numbers | what |
+//! | numbers | content |
 //! |---|---|
-//! | 3, 3, 3 | direction; its rate / 10 (1/s); velocity of its end / 2 (m/s) |
-//! | 3 | normal of the nearest surface at its end, if nearer than [`REACH`], else 0 |
-//! | 4 | gap there `d` (m) as `20 d`, `e^-|d|/r sign d`, `tanh 4 d/r`; the end's velocity along the normal / 2 |
-//! | 1, 1 | `tanh` of `d` a frame ahead by `3 r / 4`; whether there is a surface |
-//! | 12 | the gripper's glide: `10 dv`, `v'`, half the change of its direction's rate, its new direction |
+//! | 3, 3, 3 | direction; its rate / 10 (1/s); velocity of the rod's end / 2 (m/s) |
+//! | 3 | normal of the nearest surface at the end, if nearer than [`REACH`], else 0 |
+//! | 4 | gap `d` (m) at the end: `20 d`, `e^-abs(d)/r sign d`, `tanh 4 d/r`; the end's velocity along the normal / 2 |
+//! | 1, 1 | `tanh` of `d` one frame later over `3 r / 4`; whether a surface is near |
+//! | 12 | the gripper under its drives: `10 dv`, `v'`, half the change of its direction's rate, new direction |
 //!
-//! All in world axes, with r the rods' radius and d measured from their surface. A token does not hold the chain's position.
+//! All in world axes. r is the rods' radius, d is measured from their surface. A token does not contain the chain's
+//! position.
 
 use super::{Chain, Gripper, Rods};
 use crate::prelude::*;
 
-/// Numbers of a token.
+/// Width of a token.
 pub const INPUTS: usize = 30;
-/// Distance (m) from which surfaces are seen, as in other models (paper A.1).
+/// Distance (m) up to which tokens contain surfaces, as in other models (paper A.1).
 pub(super) const REACH: f64 = 0.1;
-/// Factor (s) on half a change of velocity in a token.
+/// Scale (s/m) of the gripper's velocity change in a token.
 pub(super) const QUICK: f64 = 10.0;
 
-/// The nearest surface at the end of a rod.
+/// Contact with the nearest surface at the end of a rod.
 struct Touch {
     /// Outward unit normal (world axes); zeros beyond [`REACH`].
     normal: Vector3<f64>,
-    /// From the rod's surface (m), [`REACH`] at most.
+    /// Gap from the rod's surface (m), at most [`REACH`].
     gap: f64,
 }
 
 /// Contacts and gripper motion of a chain in one frame.
 pub struct Look {
-    /// By rod.
+    /// Contact of each rod.
     touches: Vec<Touch>,
     velocities: Vec<Vector3<f64>>,
     /// The gripper after the frame under its drives alone.
@@ -38,13 +39,14 @@ pub struct Look {
 }
 
 impl Look {
-    /// Looks at a chain; `contact` finds the nearest surface at a position, `torques` (N, N m) act on the gripper's axes.
+    /// Finds contacts and gripper motion. `contact` returns the nearest surface at a position; `torques` (N, N m) act
+    /// on the gripper's six axes.
     pub fn at(chain: &Chain, rods: &Rods, torques: &[f64], mut contact: impl FnMut(&Vector3<f64>) -> ContactEvent) -> Self {
         let [nodes, velocities] = chain.nodes(rods);
         let touch = |node: &Vector3<f64>| {
             let event = contact(node);
             let gap = event.distance - chain.radius;
-            // NaNs are kept, so that they can be reported.
+            // NaN is kept, so that it is reported.
             if gap >= REACH { Touch { normal: Vector3::zeros(), gap: REACH } } else { Touch { normal: event.normal, gap } }
         };
         Self { touches: nodes.iter().map(touch).collect(), velocities, glided: chain.glide(&rods.gripper, torques) }
@@ -71,30 +73,30 @@ impl Look {
         }
     }
 
-    /// Adjoint of [`Look::tokens`]: adds to `slope` the gradient with respect to the rods, from gradients with respect to tokens,
-    /// `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
-    pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], slope: &mut Rods) -> Gripper {
+    /// Adjoint of [`Look::tokens`]: adds to `gradient` the gradient with respect to the rods, from gradients with respect
+    /// to tokens, `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
+    pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], gradient: &mut Rods) -> Gripper {
         let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
         let mut ahead = [Vector3::zeros(); 4];
         for (k, (Touch { normal, gap }, row)) in self.touches.iter().zip(upstream.as_chunks::<INPUTS>().0).enumerate() {
             let at = |first: usize| Vector3::new(row[first], row[first + 1], row[first + 2]).map(f64::from);
-            slope.along[k] += at(0);
-            slope.rates[k] += at(3) * 0.1;
+            gradient.along[k] += at(0);
+            gradient.rates[k] += at(3) * 0.1;
             let speed = self.velocities[k].dot(normal);
             let (sharp, soon) = ((4.0 * gap / chain.radius).tanh(), ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh());
             let by_soon = f64::from(row[16]) * (1.0 - soon * soon) / (0.75 * chain.radius);
             let by_gap = 20.0 * f64::from(row[12]) - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius
                 + f64::from(row[14]) * (1.0 - sharp * sharp) * 4.0 / chain.radius
                 + by_soon;
-            // Beyond reach the normal is zero, and nothing depends on the gap.
+            // Beyond reach the normal is zero, so the gap has no gradient.
             nodes.push(normal * by_gap);
             speeds.push(at(6) * 0.5 + normal * (0.5 * f64::from(row[15]) + by_soon * chain.frame_time));
             ahead.iter_mut().enumerate().for_each(|(i, sum)| *sum += at(18 + 3 * i));
         }
-        chain.nodes_back(&[nodes, speeds], slope);
+        chain.nodes_back(&[nodes, speeds], gradient);
         let [change, velocity, rate, direction] = ahead;
-        slope.gripper.velocity -= change * QUICK;
-        rods.gripper.points_back([Vector3::zeros(), rate * -0.5], &mut slope.gripper);
+        gradient.gripper.velocity -= change * QUICK;
+        rods.gripper.points_back([Vector3::zeros(), rate * -0.5], &mut gradient.gripper);
         let mut glided = Gripper { velocity: change * QUICK + velocity, ..Gripper::default() };
         self.glided.points_back([direction, rate * 0.5], &mut glided);
         glided

@@ -1,17 +1,18 @@
-//! Recognises robots that are chains, and holds a chain's constants.
+//! Recognises robots that are chains, and stores a chain's constants.
 
 use crate::prelude::*;
 
 /// Axes of the gripper: three slides x, y, z, then yaw, pitch, roll.
 const AXES: usize = 6;
-/// Largest relative error of a drive's damping against critical damping, which the closed form of its glide assumes.
+/// Largest relative error of a drive's damping against critical damping, which the closed form of `Chain::glide`
+/// assumes.
 const NEAR: f64 = 0.01;
 
-/// A robot that is not a chain.
+/// The robot is not a chain.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot `{robot}` is not a chain that is learned rod by rod: {reason}")]
 pub struct NoChain {
-    /// Its name.
+    /// Name of the robot.
     pub robot: String,
     /// The reason.
     pub reason: String,
@@ -20,24 +21,24 @@ pub struct NoChain {
 /// A gripper on six critically damped axes, followed by equal rods on two hinges each (z, then y).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chain {
-    /// Rods.
+    /// Number of rods.
     pub rods: usize,
-    /// Length of one (m).
+    /// Length of a rod (m).
     pub length: f64,
-    /// Radius of its contact points (m).
+    /// Radius of the contact points (m).
     pub radius: f64,
     /// Length of a frame (s).
     pub frame_time: f64,
     /// Position of the gripper at zero coordinates (m, world).
     pub home: Vector3<f64>,
-    /// Stiffness of its axes (N/m, N m/rad).
+    /// Stiffness of the gripper's axes (N/m, N m/rad).
     pub stiffness: [f64; AXES],
-    /// Natural frequency of its axes (rad/s), `sqrt(stiffness / armature)`.
+    /// Natural frequency of the gripper's axes (rad/s), `sqrt(stiffness / armature)`.
     pub pulse: [f64; AXES],
 }
 
 impl Chain {
-    /// The chain of a system.
+    /// The chain of a system; an error if its robot is not a chain.
     pub fn of(system: &System) -> Result<Self, NoChain> {
         Self::read(system).map_err(|reason| NoChain { robot: system.name.clone(), reason })
     }
@@ -46,7 +47,7 @@ impl Chain {
         let robot = &system.robot;
         let home = match &robot.base {
             Base::Fixed(at) if at.rotation.angle() < 1e-12 => at.translation.vector,
-            _ => return Err("its base is free or turned; `held = \"gripper\"` is needed".into()),
+            _ => return Err("its base is free or turned; `support = \"gripper\"` is needed".into()),
         };
         let gravity = system.gravity();
         if gravity.x != 0.0 || gravity.y != 0.0 {
@@ -66,13 +67,13 @@ impl Chain {
         Ok(Self { rods, length, radius, frame_time: system.frame_time, home, stiffness, pulse })
     }
 
-    /// Whether a rotation about z changes nothing but directions: x and y are driven alike.
+    /// Whether motion is symmetric about z: drives of x and y are equal.
     pub fn round(&self) -> bool {
         self.stiffness[0] == self.stiffness[1] && self.pulse[0] == self.pulse[1]
     }
 }
 
-/// Refuses a joint that is not the i-th of a chain with rods of this length.
+/// Refuses a joint that cannot be the i-th of a chain with rods of this length.
 fn fits(i: usize, joint: &Joint, length: f64) -> Result<(), String> {
     let [x, y, z] = [Vector3::x(), Vector3::y(), Vector3::z()];
     let axis = if i < AXES { [x, y, z, z, y, x][i] } else { [z, y][i % 2] };
@@ -93,7 +94,7 @@ fn fits(i: usize, joint: &Joint, length: f64) -> Result<(), String> {
     Err(format!("joint `{}` {reason}", joint.name))
 }
 
-/// One contact point at the end of each rod, all of one radius.
+/// Radius of the contact points: one at the end of each rod, all equal.
 fn radius(robot: &Robot, rods: usize, length: f64) -> Result<f64, String> {
     let points = &robot.contact_points;
     let fits = |(k, p): (usize, &nerd_core::contact::ContactPoint)| {

@@ -1,14 +1,15 @@
 //! Chains: cables led by a gripper, learned rod by rod.
 //!
-//! In place of joint angles the state is held as *rods*: each rod's direction and its rate, in world axes, so that an error in one rod does
-//! not rotate all rods after it. A rod is a token, the chain a window, and one pass of a small network (`program/networks.rs`) is a frame:
+//! The network sees each rod's direction and its rate in world axes, instead of joint angles. So an error in one rod
+//! does not rotate all rods after it. A rod is a token, the chain a window, and one pass of a small network
+//! (`program/networks.rs`) predicts a frame:
 //!
 //! ```text
 //! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ output ── advance ──▶ rods ── Chain::state ──▶ state
 //!                           ▲ contacts of the scene, the gripper's glide
 //! ```
 //!
-//! Every step has its adjoint beside it, for training through many frames.
+//! Every step has an adjoint, for training through many frames.
 
 mod device;
 mod features;

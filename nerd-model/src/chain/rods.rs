@@ -1,31 +1,31 @@
-//! Rods from joint coordinates and back, both exactly.
+//! Exact conversion between joint coordinates and rods.
 //!
-//! With R the axes of the rod before and w their angular velocity, a rod's hinges rotate by a about z and by b about the new y: `t = R
-//! Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So `a = atan2`, `b = asin` of t in R, and with `r = dt/dt -
-//! w x t` and y, x', z the axes between the hinges `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. This requires bends of less than
-//! a right angle from rod to rod.
+//! R are the axes of the previous rod and w their angular velocity. A rod's hinges rotate by a about z and by b about
+//! the new y: `t = R Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So a and b are
+//! `atan2` of the components of t in R. With `r = dt/dt - w x t` and y, x', z the axes between the hinges,
+//! `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. The bend from rod to rod must be below a right angle.
 
 use super::{Chain, Gripper};
 use crate::prelude::*;
 
-/// State of a chain as rods; in an adjoint, the gradients with respect to these numbers.
+/// State of a chain as rods. In an adjoint, the gradients with respect to these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rods {
-    /// The gripper that leads it.
+    /// The gripper.
     pub gripper: Gripper,
-    /// Direction of each rod, from the gripper on (world, unit length).
+    /// Direction of each rod, the gripper's end first (world, unit length).
     pub along: Vec<Vector3<f64>>,
-    /// Their rates (1/s).
+    /// Rates of the directions (1/s).
     pub rates: Vec<Vector3<f64>>,
 }
 
 impl Rods {
-    /// Zeros for `rods` rods, to which gradients are added.
+    /// Zeros for `rods` rods, the start of a gradient.
     pub fn zeros(rods: usize) -> Self {
         Self { gripper: Gripper::default(), along: vec![Vector3::zeros(); rods], rates: vec![Vector3::zeros(); rods] }
     }
 
-    /// Whether all of it is finite.
+    /// Whether all numbers are finite.
     pub fn finite(&self) -> bool {
         let finite = |v: &Vector3<f64>| v.sum().is_finite();
         self.gripper.numbers().all(f64::is_finite) && self.along.iter().chain(&self.rates).all(finite)
@@ -43,7 +43,7 @@ impl Axes {
         self.r.column(k).into()
     }
 
-    /// Rotates by an angle, and its rate, about the own axis k.
+    /// Rotates by an angle about body axis k, at `rate`.
     fn turn(&mut self, k: usize, angle: f64, rate: f64) {
         self.w += self.column(k) * rate;
         let ((s, c), i, j) = (angle.sin_cos(), (k + 1) % 3, (k + 2) % 3);
@@ -60,7 +60,7 @@ impl Axes {
 }
 
 impl Chain {
-    /// Coordinates of the chain, `[q, qd]` of [`Chain::state`].
+    /// Number of coordinates, the length of `q` and of `qd`.
     fn coordinates(&self) -> usize {
         6 + 2 * self.rods
     }
@@ -82,7 +82,7 @@ impl Chain {
         Rods { gripper, along, rates }
     }
 
-    /// Rods as a state `[q, qd]`.
+    /// Writes rods as a state `[q, qd]`.
     pub fn state(&self, rods: &Rods, state: &mut [f64]) {
         let (q, qd) = state.split_at_mut(self.coordinates());
         let Gripper { at, velocity, angles, rates } = &rods.gripper;
@@ -105,7 +105,7 @@ impl Chain {
         }
     }
 
-    /// Ends of the rods, `x_i = gripper + l sum t`, and their velocities (m, m/s, world).
+    /// End of each rod, `x_i = gripper + l sum t` (m, world), and its velocity (m/s).
     pub fn nodes(&self, rods: &Rods) -> [Vec<Vector3<f64>>; 2] {
         let sum = |from: Vector3<f64>, steps: &[Vector3<f64>]| {
             let mut at = from;
@@ -118,9 +118,9 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adjoint of [`Chain::nodes`]: adds to `slope`. A rod moves all nodes from its end on.
-    pub fn nodes_back(&self, upstream: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
-        let Rods { gripper, along, rates } = slope;
+    /// Adjoint of [`Chain::nodes`]: adds the gradient to `gradient`. A rod moves its end and all ends after it.
+    pub fn nodes_back(&self, upstream: &[Vec<Vector3<f64>>; 2], gradient: &mut Rods) {
+        let Rods { gripper, along, rates } = gradient;
         let parts = [(&upstream[0], &mut gripper.at, along), (&upstream[1], &mut gripper.velocity, rates)];
         for (upstream, first, steps) in parts {
             let mut total = Vector3::zeros();

@@ -1,6 +1,6 @@
 //! The learned solver of chains: contacts, one pass of the network, one step of the rods.
 //!
-//! It has no memory: a frame is a function of state, torques and scene.
+//! It has no memory: the next state is a function of state, torques and scene.
 
 use nerd_sim::solver::{Fault, check, commit};
 use rayon::prelude::*;
@@ -11,14 +11,14 @@ use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::transformer::Weights;
 
-/// A chain's network as a [`Solver`].
+/// A chain's model as a [`Solver`].
 pub struct ChainSolver {
     chain: Chain,
     network: Loaded,
     scale: [f64; OUTPUTS],
-    /// Rows whose predictions are needed: all rods.
+    /// Rows of a window with predictions: all rods.
     rows: Vec<usize>,
-    /// One for each thread.
+    /// One per thread.
     work: Vec<Work>,
     next: Vec<f64>,
     faults: Vec<Fault>,
@@ -31,7 +31,7 @@ struct Work {
 }
 
 impl ChainSolver {
-    /// The network of `system`'s chain, with as many rods as in training; `normalizer` scales its outputs, tokens are not normalised.
+    /// A solver for `system`, with as many rods as in training. `normalizer` scales outputs; tokens are not normalised.
     pub fn new(weights: &Weights, normalizer: &Normalizer, system: &System) -> Result<Self, NoChain> {
         let chain = Chain::of(system)?;
         let wrong = |reason: String| NoChain { robot: system.name.clone(), reason };
@@ -44,8 +44,8 @@ impl ChainSolver {
         Ok(Self { chain, network, scale, rows, work: Vec::new(), next: Vec::new(), faults: Vec::new() })
     }
 
-    /// The scale of each output. Fails if the normaliser shifts or scales tokens, or shifts outputs: a chain's numbers are in fixed units,
-    /// about 0.
+    /// The scale of each output. An error if the normaliser shifts or scales tokens, or shifts outputs: a chain's
+    /// numbers are in fixed units, about 0.
     pub fn scale(normalizer: &Normalizer) -> Result<[f64; OUTPUTS], String> {
         let Normalizer { inputs, outputs } = normalizer;
         let scale: Vec<f64> = outputs.scale().collect();

@@ -1,21 +1,21 @@
-//! A frame: the network's output, applied to rods.
+//! One frame of a chain: applies the network's outputs to rods.
 //!
-//! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = t + T (td + u) / 2 + r` scaled to unit length, `td' =
-//! u - t' (t' . u)`. The gripper's outputs are added to its glide ([`Chain::glide`]).
+//! With the outputs `a` and `r` of a rod and T the frame time: `u = td + a`, `t' = t + T (td + u) / 2 + r` scaled to
+//! unit length, `td' = u - t' (t' . u)`. The gripper's outputs add to its motion under its drives ([`Chain::glide`]).
 
 use super::{Chain, Gripper, Rods};
 use crate::prelude::*;
 
-/// Outputs for a rod: change of rate (3), correction of the direction (3), and, for the first rod alone, correction of the
-/// gripper's glide (12).
+/// Outputs of a rod: change of rate (3), correction of the direction (3), and, for the first rod alone, correction of
+/// the gripper (12).
 pub const OUTPUTS: usize = 18;
 
 /// A network's outputs for a chain's rods, `[rod][OUTPUTS]`, and their scales.
 #[derive(Clone, Copy)]
 pub struct Outputs<'a> {
-    /// Normalised.
+    /// Normalised outputs.
     pub numbers: &'a [f32],
-    /// Size of one unit of each output, `[OUTPUTS]`.
+    /// Scale of each output, `[OUTPUTS]`.
     pub scale: &'a [f64; OUTPUTS],
 }
 
@@ -40,15 +40,16 @@ impl Chain {
         after
     }
 
-    /// Rate and direction of a rod before they are made orthogonal and of unit length.
+    /// Rate u and direction of a rod, before the direction is normalised and the rate made orthogonal.
     fn raw(&self, before: &Rods, k: usize, outputs: Outputs) -> (Vector3<f64>, Vector3<f64>) {
         let u = before.rates[k] + outputs.vector(k, 0);
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + outputs.vector(k, 3))
     }
 
-    /// Adjoint of [`Chain::advance`]: gradients with respect to the rods before and to the outputs, `[rod][OUTPUTS]`, from the upstream
-    /// ones. The gripper's gradient is also the one with respect to its glide.
-    pub fn advance_back(&self, before: &Rods, outputs: Outputs, upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
+    /// Adjoint of [`Chain::advance`]: adds the gradient with respect to `before` to `gradient`. Returns the gradient with
+    /// respect to the outputs, `[rod][OUTPUTS]`. The gradient with respect to `glided` is `upstream.gripper`; the
+    /// caller adds it.
+    pub fn advance_back(&self, before: &Rods, outputs: Outputs, upstream: &Rods, gradient: &mut Rods) -> Vec<f32> {
         let mut by_outputs = vec![0.0; self.rods * OUTPUTS];
         for (k, row) in by_outputs.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {
             let (u, raw) = self.raw(before, k, outputs);
@@ -57,8 +58,8 @@ impl Chain {
             let by_t = upstream.along[k] - g * along - u * t.dot(&g);
             let by_raw = (by_t - t * t.dot(&by_t)) / size;
             let by_u = g - t * t.dot(&g) + by_raw * (0.5 * self.frame_time);
-            slope.along[k] += by_raw;
-            slope.rates[k] += by_u + by_raw * (0.5 * self.frame_time);
+            gradient.along[k] += by_raw;
+            gradient.rates[k] += by_u + by_raw * (0.5 * self.frame_time);
             let own = by_u.iter().chain(by_raw.iter()).zip(outputs.scale);
             row.iter_mut().zip(own).for_each(|(row, (x, scale))| *row = (x * scale) as f32);
         }

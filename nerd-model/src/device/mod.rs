@@ -1,8 +1,8 @@
-//! Everything around the network, as a program for a GPU: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
-//! itself as one kernel, `whole_pass`. [`crate::chain`] has the kernels around a chain's network.
+//! The computation around the network as GPU code: the text of two kernels, `neural_tell` and `neural_apply`. A small
+//! network itself becomes one kernel, `whole_pass`. [`crate::chain`] has the kernels around a chain's network.
 //!
-//! They build on the articulated solver's kernels ([`nerd_sim::articulated::device`]). Like those they are plain C++ beside CUDA, so that a
-//! test runs them where there is no GPU.
+//! They build on the articulated solver's kernels ([`nerd_sim::articulated::device`]). Like these they also compile as
+//! plain C++, so tests need no GPU.
 
 mod residual;
 mod whole;
@@ -18,32 +18,29 @@ pub use crate::program::op::padded;
 pub use residual::held_in_f16;
 pub use whole::{Products, Whole};
 
-/// Threads that write an environment's token.
+/// Threads that write one environment's token.
 pub const LANES: usize = 4;
 
-/// The pass of a program over windows of `tokens` tokens `[T][padded inputs]`: of a chain, or in f16 of a residual network
-/// (`program/networks.rs`). `None` for other networks, or where it does not fit.
+/// One kernel for a network over windows of `tokens` tokens, `[T][padded inputs]`: a chain's, or in f16 a residual
+/// network (`program/networks.rs`). `None` for other networks, or if the network does not fit.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
     if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens) }
 }
 
-/// The text for models of `system` with a form and a normaliser, for scenes of this reach.
+/// The kernels for models of `system` with this form and normaliser, for scenes within `reach`.
 pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, reach: Reach) -> String {
     token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
 }
 
-/// In 64 bits, a frame and its adjoint as the kernels `slopes_look`, `slopes_said` and `slopes_back`, with the network between them.
-pub fn slope_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
-    slope_functions(form, normalizer, system, reach) + include_str!("slopes_frame.cuh")
+/// A frame and its adjoint in 64 bits: kernels `gradients_look`, `gradients_said` and `gradients_back`. The network runs between
+/// them.
+pub fn gradient_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
+    let functions = token_functions(form, normalizer, system, Real::F64, reach);
+    functions + include_str!("tokens_back.cuh") + include_str!("gradients_frame.cuh")
 }
 
-/// The same without its kernels: `tell`, `advance`, `said_back` and `frame_back`, for other kernels.
-pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
-    token_functions(form, normalizer, system, Real::F64, reach) + include_str!("tokens_back.cuh")
-}
-
-/// Functions around the network without kernels: `tell` and `apply`, for other kernels.
-pub fn token_functions(
+/// As `program`, without kernels: `tell` and `apply`, for other kernels.
+fn token_functions(
     form: Form,
     normalizer: &Normalizer,
     system: &Arc<System>,

@@ -1,5 +1,5 @@
-//! A residual network as one kernel, `whole_pass`, with matrix products in f16 on tensor cores: its text, and its weights in the order in
-//! which it reads them.
+//! A residual network as one kernel, `whole_pass`, with f16 matrix products on tensor cores: its text, and its weights
+//! in reading order.
 
 use std::borrow::Cow;
 
@@ -10,29 +10,29 @@ use super::whole::{Products, Whole, shape};
 use crate::program::config::{Architecture, TransformerConfig};
 use crate::{program::Program, program::op::padded};
 
-/// Rows of a block, and its warps: the sums of a pass are in registers, and a block reads every weight once.
+/// Rows of a block, and its warps. The block keeps all sums in registers and reads every weight once.
 const ROWS: usize = 64;
 const WARPS: usize = 8;
-/// Steps (of sixteen inner numbers) that are read ahead; reads go beyond the last step, too.
+/// Steps (of sixteen inner numbers) to prefetch. Reads also go beyond the last step.
 const AHEAD: usize = 4;
-/// Inner numbers of a product are padded to whole turns of the ring that holds those steps.
+/// Inner sizes are padded to a multiple of this, whole turns of the prefetch ring.
 const TURN: usize = 16 * AHEAD;
 
-/// Whether f16 represents the matrices of a program's blocks exactly, as it does those from a model's file.
+/// Whether f16 represents the matrices of a program's blocks exactly, as for models stored in f16.
 pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
     let tensors = program.tensors.iter().zip(program.starts());
     let mut blocks = tensors.filter(|(t, _)| t.shape.len() == 2 && t.name.starts_with("blocks."));
     blocks.all(|(t, at)| flat[at..at + t.len()].iter().all(|x| f16::from_f32(*x).to_f32() == *x))
 }
 
-/// The kernel of a network, if there is room for it.
+/// The kernel of a network, if it fits.
 pub(super) fn residual(program: &Program) -> Option<Whole> {
     let TransformerConfig { inputs, outputs, embedding: e, layers, .. } = shape(program, Architecture::Residual)?;
     if !e.is_multiple_of(8 * WARPS) || e > 256 || outputs > e {
         return None;
     }
     let taken = inputs.next_multiple_of(TURN);
-    // Memory of the normalised rows, of two buffers of activations, and of two sums a row and warp.
+    // Shared memory: normalised rows, two buffers of activations, two sums for each row and warp.
     let x = taken.max(e) + 8;
     let floats = ROWS * (x + x.max(2 * (e + 8))) / 2 + 2 * ROWS * WARPS;
     let mut text = Text::default();
@@ -43,13 +43,13 @@ pub(super) fn residual(program: &Program) -> Option<Whole> {
 }
 
 impl Whole {
-    /// The program's weights in the order the kernel reads them; unless in f16, unchanged.
+    /// The weights in the kernel's reading order. Unchanged unless products are in f16.
     pub fn packed<'a>(&self, program: &Program, flat: &'a [f32]) -> Cow<'a, [f32]> {
         if self.products == Products::F16 { packed(program, flat).into() } else { flat.into() }
     }
 }
 
-/// Matrices of E columns in the order of their use as pairs of f16, then biases and norms' weights, E numbers each.
+/// Matrices of E columns in order of use as pairs of f16, then biases and norm weights, E numbers each.
 fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     let e = program.steps.first().map_or(0, |step| program.width(step.to));
     let mut tensors = program.tensors.iter().zip(program.starts()).map(|(t, at)| (&t.shape[..], &flat[at..at + t.len()])).peekable();
@@ -57,8 +57,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     while let Some((shape, x)) = tensors.next() {
         match (shape, tensors.peek()) {
             ([_], _) => vectors.extend(x.iter().copied().chain(std::iter::repeat(0.0)).take(e)),
-            // Hidden units E at a time, the two factors of a gated unit side by side; then the matrix that adds their product to the
-            // stream.
+            // Gated units, E at a time with the two factors of a unit side by side; then the matrix that adds their
+            // product to the residual stream.
             ([rows, wide], Some(([inner, _], down))) if *wide == 6 * e && *inner == 3 * e => {
                 for k in 0..3 {
                     for first in [k * e, k * e + e / 2] {
@@ -69,7 +69,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
                 }
                 tensors.next();
             }
-            // Outside of the blocks, whose matrices are f16 in files, too, the rounding residuals of matrix and row are multiplied as well.
+            // Outside the blocks files keep f32 matrices, so the rounding residuals of matrix and row are multiplied
+            // too.
             ([rows, columns], _) => {
                 for part in [f16::from_f32, |x| f16::from_f32(x - f16::from_f32(x).to_f32()), f16::from_f32] {
                     pack(&mut words, *rows, e, |row, c| if c < *columns { part(x[row * columns + c]) } else { f16::ZERO });
@@ -82,7 +83,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     [words, vectors].concat()
 }
 
-/// E columns of a matrix in the lane layout of mma.m16n8k16: per step, tile of eight columns and lane, two pairs of rows, eight rows apart.
+/// E columns of a matrix in the lane layout of mma.m16n8k16. Per step, tile of eight columns and lane: two pairs of
+/// rows, eight rows apart.
 fn pack(words: &mut Vec<f32>, rows: usize, e: usize, x: impl Fn(usize, usize) -> f16) {
     let at = |row: usize, c: usize| if row < rows { u32::from(x(row, c).to_bits()) } else { 0 };
     for (step, tile, lane) in

@@ -1,13 +1,13 @@
-// Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
-// prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
-// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), WAVES (sines and cosines of a joint at the end
-// of a token), MEAN, SCALE and RATE (its inverse) of a token, SHIFT and STRETCH of a prediction.
+// The computation around the network, as in features.rs and frame.rs: contacts and the token of a frame, then the next
+// state from a prediction. The host defines the constants (device/mod.rs): INPUTS and LDX, the width and stride of
+// tokens; SEEN, the threshold of a contact point; WAVES, how many sines and cosines of a joint end a token; MEAN, SCALE
+// and RATE (1 / SCALE) of tokens; SHIFT and STRETCH of predictions.
 
 constexpr int STATE = NQ + NV;
 
 struct Event { V3 p0, normal, p1; real distance; };
 
-// The nearest point of the scene to a contact point, relative to the root.
+// The scene's nearest point to contact point p, relative to the root.
 FN Event look(const Work& w, int p) {
     Event e;
     e.distance = infinite();
@@ -22,7 +22,7 @@ FN Event look(const Work& w, int p) {
     return e;
 }
 
-// Nearness of a gap, as in features.rs; and the gap, now or a frame ahead at this speed.
+// Nearness of a gap, as in features.rs; and the gap, now or one frame later at this velocity.
 FN real nearness(real gap) { return gap / sqrt(gap * gap + (real)(NEAR * NEAR)); }
 FN real gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? (real)FRAME_TIME * dot(e.normal, speed) : 0);
@@ -34,13 +34,13 @@ FN V3 column(const M3& a, int k) { return v3(a.m[k], a.m[3 + k], a.m[6 + k]); }
 FN void put(float* token, int k, double x) { token[k] = (float)(((real)(float)x - MEAN[k]) * RATE[k]); }
 FN void put(float* token, int k, V3 v) { put(token, k, v.x); put(token, k + 1, v.y); put(token, k + 2, v.z); }
 
-// Offsets in a token: contact points' normals, positions, distances, velocities and nearness, torques and gravity, links' axes, and the
-// rest.
+// Offsets in a token: normals, scene points, distances, velocities and nearness of contact points, torques and gravity,
+// axes of links, sines and cosines.
 constexpr int NORMALS = STATE, PLACES = NORMALS + 3 * NP, DEPTHS = PLACES + 3 * NP, SPEEDS = DEPTHS + NP;
 constexpr int NEARS = SPEEDS + 3 * NP, TORQUES = MOVING ? NEARS + 2 * NP : SPEEDS;
 constexpr int AXES = TORQUES + NJ + (SITUATED ? 3 : 0), ENDS = AXES + (SITUATED && MOVING ? 6 * (NL - 1) : 0);
 
-// Writes the token of a frame: each of `lanes` threads some contact points and links, the first thread the rest.
+// Writes the token of a frame. The `lanes` threads share contact points and links; the first thread writes the rest.
 BIG void tell(const double* state, const double* tau, const double* scene, float* token, int lane = 0, int lanes = 1) {
     Work w;
     Tree& t = w.tree;
@@ -50,7 +50,7 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
     if (SITUATED) {
         kinematics(t);
         survey(w, scene);
-        // B, at the floating base or the first moving link.
+        // Frame B: at the floating base or the first moving link.
         r = t.rotation[0];
         o = t.position[0];
     }
@@ -101,7 +101,7 @@ FN void exponential(V3 u, double* q) {
     q[3] = cos(0.5 * angle);
 }
 
-// Rotation and translation of the root at the mean of the velocities before and after, in its own axes.
+// Rotation vector and translation of the root at the mean of the velocities before and after, in body axes.
 FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     V3 a, b;
     own_velocity(state, a, b);
@@ -109,7 +109,7 @@ FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     way = (b + v3(change[NQ + 3], change[NQ + 4], change[NQ + 5]) * (real)0.5) * (real)TRAPEZOID;
 }
 
-// From a prediction to the change of the state, as in trapezoid.rs.
+// Converts a prediction to the change of the state, as in trapezoid.rs.
 FN void trapezoid(const double* state, double* change) {
     if (TRAPEZOID == 0) return;
     for (int i = 0; i < NJ; i++) change[COORDS + i] += TRAPEZOID * (state[NQ + DOFS + i] + 0.5 * change[NQ + DOFS + i]);
@@ -123,7 +123,7 @@ FN void trapezoid(const double* state, double* change) {
     for (int k = 0; k < 4; k++) change[3 + k] = turned[k];
 }
 
-// Replaces `state` by the state a prediction away; returns 0 or GONE.
+// Applies a prediction to `state`. Returns 0 or GONE.
 BIG int apply(double* state, const float* prediction) {
     double change[STATE], next[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
@@ -136,7 +136,7 @@ BIG int apply(double* state, const float* prediction) {
         rotate(s, change, 1, by);
         for (int k = 0; k < 3; k++) next[k] = state[k] + by[k];
         multiply(s, change + 3, next + 3);
-        // The velocity (w, v) about the world's origin, in the root's axes before the frame.
+        // The velocity (w, v) about the world's origin, from the root's axes before the frame.
         double w[3], v[3];
         rotate(s, change + NQ, 1, w);
         rotate(s, change + NQ + 3, 1, v);

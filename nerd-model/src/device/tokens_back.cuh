@@ -1,15 +1,16 @@
-// Adjoint of a frame around the network, as in nerd_model's slopes.rs and trapezoid.rs, in 64 bits.
+// Adjoint of a frame around the network in 64 bits, as in nerd_model's gradients.rs and trapezoid.rs.
 
-// From gradients with respect to the change of the state.
-FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
+// Gradient with respect to the change of the state, from the gradient with respect to the next state. Adds the direct
+// part to `gradient`.
+FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* gradient) {
     double change[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
     trapezoid(state, change);
     for (int i = 0; i < NJ; i++) {
         by_change[COORDS + i] = behind[DOFS + i];
         by_change[NQ + DOFS + i] = behind[NV + DOFS + i];
-        slope[DOFS + i] += behind[DOFS + i];
-        slope[NV + DOFS + i] += behind[NV + DOFS + i];
+        gradient[DOFS + i] += behind[DOFS + i];
+        gradient[NV + DOFS + i] += behind[NV + DOFS + i];
     }
     if (!DOFS) return;
     V3 a, b;
@@ -26,18 +27,18 @@ FN void change_back(const double* state, const float* said, const double* behind
     by_change[6] = -dot(v, by_n);
     put3(by_change + NQ, by_own);
     put3(by_change + NQ + 3, by_speed);
-    add3(slope, n * by_turn + cross(d, by_x));
-    add3(slope + 3, by_x);
-    add3(slope + NV, by_own);
-    add3(slope + NV + 3, by_speed);
+    add3(gradient, n * by_turn + cross(d, by_x));
+    add3(gradient + 3, by_x);
+    add3(gradient + NV, by_own);
+    add3(gradient + NV + 3, by_speed);
 }
 
 // Adjoint of `trapezoid`.
-FN void trapezoid_back(const double* state, const float* said, double* by, double* slope) {
+FN void trapezoid_back(const double* state, const float* said, double* by, double* gradient) {
     const double time = TRAPEZOID;
     if (time == 0) return;
     for (int i = 0; i < NJ; i++) {
-        slope[NV + DOFS + i] += time * by[COORDS + i];
+        gradient[NV + DOFS + i] += time * by[COORDS + i];
         by[NQ + DOFS + i] += 0.5 * time * by[COORDS + i];
     }
     if (!DOFS) return;
@@ -56,38 +57,38 @@ FN void trapezoid_back(const double* state, const float* said, double* by, doubl
     const double second = angle > 1e-4 ? (angle - sin(angle)) / (angle * angle * angle) : 1.0 / 6;
     const V3 by_u = t + once * first + cross(u, once) * second;
     for (int k = 0; k < 4; k++) by[3 + k] = own[k];
-    add3(slope + NV, by_u * time);
-    add3(slope + NV + 3, by_way * time);
+    add3(gradient + NV, by_u * time);
+    add3(gradient + NV + 3, by_way * time);
     add3(by + NQ, by_u * (0.5 * time));
     add3(by + NQ + 3, by_way * (0.5 * time));
 }
 
-// Gradients with respect to prediction and state before, from the upstream one with respect to the state after; adds the state's to
-// `slope`.
-FN void apply_back(const double* state, const float* said, const double* behind, double* by_said, double* slope) {
-    change_back(state, said, behind, by_said, slope);
-    trapezoid_back(state, said, by_said, slope);
+// Gradient with respect to the prediction, from the gradient with respect to the next state. Adds the gradient with
+// respect to the state before to `gradient`.
+FN void apply_back(const double* state, const float* said, const double* behind, double* by_said, double* gradient) {
+    change_back(state, said, behind, by_said, gradient);
+    trapezoid_back(state, said, by_said, gradient);
 }
 
 FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }
 
-// Adds the gradient of the velocity of a link's point at x with respect to poses of the joints above it, as in slopes.rs.
-FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
+// Adds the gradient of along . v, v a point's velocity, with respect to the poses of its link's joints (gradients.rs).
+FN void quickened(const Tree& t, int link, V3 x, V3 along, double* gradient) {
     const V3 velocity = at(t.velocity[link], x);
     for (int i = link; i >= (DOFS ? 1 : 0); i = PARENT[i]) {
         const Motion none = motion(v3(0, 0, 0), v3(0, 0, 0)), parent = PARENT[i] >= 0 ? t.velocity[PARENT[i]] : none;
         const V3 way = cross(parent.ang, at(t.axis[i], x)) + cross(t.axis[i].ang, velocity - at(parent, x));
-        slope[DOF[i]] += dot(along, way);
+        gradient[DOF[i]] += dot(along, way);
     }
 }
 
-FN double nearness_slope(double gap) {
+FN double nearness_gradient(double gap) {
     const double square = gap * gap + NEAR * NEAR;
     return NEAR * NEAR / (square * sqrt(square));
 }
 
-// Adds to `slope` the gradient that reaches the state through its token.
-BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
+// Adds to `gradient` the gradient that reaches the state through its token.
+BIG void tell_back(const double* state, const double* scene, const float* by, double* gradient) {
     int end = INPUTS;
     for (int i = NJ - 1; i >= 0; i--) {
         const double q = state[COORDS + i];
@@ -96,9 +97,9 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         end -= WAVES[i];
         if (WAVES[i] == 2) g += by[end] / SCALE[end] * cos(q);
         if (WAVES[i]) g -= by[end + WAVES[i] - 1] / SCALE[end + WAVES[i] - 1] * sin(q);
-        slope[DOFS + i] += g;
+        gradient[DOFS + i] += g;
     }
-    for (int i = 0; i < NV; i++) slope[NV + i] += by[NQ + i] / SCALE[NQ + i];
+    for (int i = 0; i < NV; i++) gradient[NV + i] += by[NQ + i] / SCALE[NQ + i];
     if (!SITUATED) return;
     Work w;
     Tree& t = w.tree;
@@ -125,16 +126,16 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         if (MOVING) {
             const int nears = STATE + 10 * NP + p;
             const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), speed = at(t.velocity[link], place);
-            const double now = by[nears] / SCALE[nears] * nearness_slope(gap(e, p, speed, 0));
-            const double later = by[nears + NP] / SCALE[nears + NP] * nearness_slope(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
+            const double now = by[nears] / SCALE[nears] * nearness_gradient(gap(e, p, speed, 0));
+            const double later = by[nears + NP] / SCALE[nears + NP] * nearness_gradient(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
             by_depth += now + later;
             const V3 along = r * by_speed + e.normal * by_closing;
             impulse[link] = impulse[link] + wrench(cross(place, along), along);
-            quickened(t, link, place, along, slope);
-            // A free root's own velocity is in axes that rotate with it.
+            quickened(t, link, place, along, gradient);
+            // A floating root's velocity is expressed in axes that rotate with it.
             turn = turn + (DOFS ? back(r, cross(speed, e.normal)) * by_closing : cross(by_speed, back(r, speed)));
         }
-        // The nearest place follows the point along the surface.
+        // The nearest surface point follows the contact point along the surface.
         const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by_depth - dot(e.normal, by_p1));
         push(t, p, place, force, load);
     }
@@ -150,17 +151,17 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     }
     const V3 push = r * shift;
     load[0] = load[0] + wrench(r * turn + cross(o, push), push);
-    onto(t, load, slope);
-    if (MOVING) onto(t, impulse, slope + NV);
+    onto(t, load, gradient);
+    if (MOVING) onto(t, impulse, gradient + NV);
 }
 
-// The state after a frame; NaN stays NaN, so that it can be reported.
+// The state after a frame. A failed one becomes NaN, so that it is reported.
 FN void advance(const double* state, const float* said, double* after) {
     for (int k = 0; k < STATE; k++) after[k] = state[k];
     if (apply(after, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
 }
 
-// Gradients with respect to the network's outputs, from the one with respect to the state after.
+// Gradient with respect to the network's outputs, from the gradient with respect to the next state.
 FN void said_back(const double* state, const float* said, const double* behind, float* by_said) {
     double by_change[STATE], none[2 * NV];
     for (int i = 0; i < 2 * NV; i++) none[i] = 0;
@@ -168,10 +169,10 @@ FN void said_back(const double* state, const float* said, const double* behind, 
     for (int k = 0; k < STATE; k++) by_said[k] = (float)(by_change[k] * STRETCH[k]);
 }
 
-// The gradient with respect to a state, from those with respect to the state after it and to its token.
-FN void frame_back(const double* state, const double* scene, const float* said, const float* by_token, const double* behind, double* slope) {
+// Gradient with respect to a state, from the gradients with respect to the next state and to its token.
+FN void frame_back(const double* state, const double* scene, const float* said, const float* by_token, const double* behind, double* gradient) {
     double by_change[STATE];
-    for (int i = 0; i < 2 * NV; i++) slope[i] = 0;
-    apply_back(state, said, behind, by_change, slope);
-    tell_back(state, scene, by_token, slope);
+    for (int i = 0; i < 2 * NV; i++) gradient[i] = 0;
+    apply_back(state, said, behind, by_change, gradient);
+    tell_back(state, scene, by_token, gradient);
 }

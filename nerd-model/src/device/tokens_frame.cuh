@@ -1,6 +1,7 @@
 // Kernels of a frame.
 
-// Tokens of `n` environments, LANES threads each; one that failed before is skipped. Torques are held, or one set a frame.
+// Writes tokens of `n` environments, LANES threads each; failed ones are skipped. `held` says whether one set of
+// torques serves all frames.
 extern "C" __global__ void neural_tell(const double* states, const double* torques, const double* scenes, const int* scene_of, float* tokens,
                                        const int* faults, const unsigned* done, int n, const int* held) {
     const int thread = blockIdx.x * blockDim.x + threadIdx.x, env = thread / LANES;

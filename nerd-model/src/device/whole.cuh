@@ -1,4 +1,4 @@
-// Steps of a program whose slots fit into a block's shared memory: a block computes a few windows of T tokens, ROWS rows in all. whole.rs
+// Steps of a program in a block's shared memory: a block computes a few windows of T tokens, ROWS rows in all. whole.rs
 // writes the calls; matrix products are in whole_f32.cuh and whole_f16.cuh.
 
 #ifdef __CUDACC_RTC__
@@ -28,17 +28,17 @@ FN float power(float x) {
 #endif
 }
 
-// Within 1e-6 of x (1 + erf(x / sqrt 2)) / 2: the normal tail beyond |x| is 2 to the power of a polynomial.
+// x (1 + erf(x / sqrt 2)) / 2 within 1e-6: the normal tail beyond |x| is 2 to the power of a polynomial.
 FN float gelu(float x) {
     const float y = fabsf(x);
     const float log = -1.0000377f + y * (-1.1507878f + y * (-0.45999244f + y * (-0.051827382f + y * (0.0070845573f - y * 0.00047330931f))));
     return fmaxf(x, 0) - y * power(log);
 }
 
-// A number as an operand of a product.
+// Converts a number to an operand of a matrix product.
 FN float factor(float x);
 
-// y = (x - mean) / sqrt(variance + 1e-5), for products: eight threads a row.
+// y = (x - mean) / sqrt(variance + 1e-5), as operands of products; eight threads per row.
 template <int WIDE, int L> FN void norm(const float* x, float* y) {
 #ifdef __CUDACC_RTC__
     constexpr int LANES = 8;
@@ -53,7 +53,7 @@ template <int WIDE, int L> FN void norm(const float* x, float* y) {
     const int lane = 0, own = 0, step = 1;
     auto sum = [](float all) { return all; };
 #endif
-    // Threads beyond the last row repeat it, since a warp shuffles together, and write nothing.
+    // Threads beyond the last row repeat it without writing, since all lanes of a warp must shuffle.
     for (int first = 0; first < ROWS; first += step) {
         const bool has = first + own < ROWS;
         const int row = (has ? first + own : ROWS - 1) * L;
@@ -68,7 +68,7 @@ template <int WIDE, int L> FN void norm(const float* x, float* y) {
     SYNC;
 }
 
-// x += P, at every position in a window.
+// x += P, by position in the window.
 template <int WIDE, int L> FN void place(const float* table, float* x) {
     EACH(i, ROWS * WIDE) x[i / WIDE * L + i % WIDE] += table[i % (T * WIDE)];
     SYNC;

@@ -1,5 +1,5 @@
-//! The network of a chain as one kernel, `whole_pass`: its rows are in shared memory, and a block computes one window. With many windows of
-//! narrow rows, separate kernels would mostly move rows to and from memory.
+//! A chain's network as one kernel, `whole_pass`: a block computes one window with all rows in shared memory. With many
+//! windows of narrow rows, separate kernels would mostly move rows to and from memory.
 
 use std::fmt::Write;
 
@@ -9,34 +9,34 @@ use crate::program::config::{Architecture, TransformerConfig};
 use crate::program::op::{Slot, padded};
 use crate::program::{Op, Program, Step};
 
-/// Shared bytes that every device gives without asking.
+/// Shared memory (bytes) that a block gets on every device without opt-in.
 const SHARED: usize = 48 << 10;
 const MOST_WARPS: usize = 8;
 
-/// Arithmetic of the products.
+/// Arithmetic of the matrix products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Products {
-    /// In 32 bits.
+    /// f32.
     F32,
-    /// On tensor cores, operands rounded to f16: for devices of compute capability 8 and above.
+    /// Tensor cores with f16 operands and f32 sums, for devices of compute capability 8 and above.
     F16,
 }
 
-/// A program's pass as a kernel.
+/// A network's pass as one kernel.
 pub struct Whole {
-    /// Its text.
+    /// Source text.
     pub text: String,
     /// Threads of a block.
     pub threads: usize,
     /// Windows that a block computes.
     pub windows: usize,
-    /// Shared bytes of a block.
+    /// Shared memory of a block (bytes).
     pub shared: usize,
-    /// Arithmetic of the products.
+    /// Arithmetic of the matrix products.
     pub products: Products,
 }
 
-/// The shape of the network whose program this is (`program/networks.rs`), if it is one of this architecture.
+/// The shape of the network with this program (`program/networks.rs`), if it has this architecture.
 pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<TransformerConfig> {
     let steps = program.steps.len();
     let (layers, block) = match architecture {
@@ -48,15 +48,15 @@ pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<Tra
     (layers > 0 && shape.program() == *program).then_some(shape)
 }
 
-/// A chain's program; `None` for another network, or where it does not fit.
+/// The kernel of a chain's program; `None` for another network, or if it does not fit.
 pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let TransformerConfig { inputs, outputs, embedding: e, .. } = shape(program, Architecture::Chain)?;
     let [embed, place, blocks @ .., _, out] = &program.steps[..] else { return None };
     let Op::Place(table) = place.op else { return None };
     let starts = program.starts();
-    // Stride between rows in shared memory, such that threads which read at once read different banks.
+    // Row stride in shared memory that avoids bank conflicts.
     let apart = |width: usize| width.next_multiple_of(4) + 4;
-    // Sizes of the stream h, of the normalised rows, and of the activations.
+    // Strides and sizes of the residual stream h, the normalised rows and the activations.
     let (row, size) = (apart(e), tokens * apart(e));
 
     let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
@@ -82,7 +82,7 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     pass += &norm;
     pass += &linear(out, normed, (1, 0), ("out", outputs), "same")?;
 
-    // A row of zeros beyond the ends of a window.
+    // A row of zeros stands for tokens beyond the ends of a window.
     let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
     let (most, floats) = (3 * size, 3 * size + zeros);
     let warps = (e.max(outputs).div_ceil(4) * tokens.div_ceil(4)).div_ceil(32).min(MOST_WARPS);

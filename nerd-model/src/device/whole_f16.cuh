@@ -1,11 +1,11 @@
-// A residual network: a block has ROWS rows, whose stream stays in registers as the sums of matrix products on tensor cores. Operands are
-// f16 (10-bit mantissa, like TF32's), sums f32. Every matrix is E columns wide, narrower ones are padded. Each warp has E / WARPS columns
-// of all rows: it alone reads these weights, once, in the order in which residual.rs packs them, AHEAD steps of sixteen inner numbers
-// ahead.
+// A residual network: a block has ROWS rows. Their residual stream stays in registers, as the sums of matrix products
+// on tensor cores. Operands are f16 (10-bit mantissa, like TF32's), sums f32. Every matrix is E columns wide; narrower
+// ones are padded. Each warp computes E / WARPS columns of all rows. It alone reads their weights, once, in
+// residual.rs's order, and prefetches AHEAD steps of sixteen inner numbers.
 
-constexpr int WIDE = 3;                                   // hidden units by E
+constexpr int WIDE = 3;                                   // hidden units, in multiples of E
 constexpr int TILES = E / 8 / WARPS, BANDS = ROWS / 16;   // tiles of mma.m16n8k16: of a warp's columns, of all rows
-constexpr int LX = (TAKEN > E ? TAKEN : E) + 8, LH = E + 8;   // from a row to the next, so that eight rows are in different banks
+constexpr int LX = (TAKEN > E ? TAKEN : E) + 8, LH = E + 8;   // row strides that put eight rows into different banks
 constexpr int STEPS = 3 * (TAKEN + (1 + WIDE * LAYERS) * E) / 16;
 
 typedef unsigned short half;
@@ -54,7 +54,7 @@ FN void begin(Weights& w, const float* first) {
     for (int slot = 0; slot < AHEAD; slot++) ahead(w, slot);
 }
 
-// Sixteen numbers of all rows, as mma has them.
+// Loads sixteen numbers of all rows in the operand layout of mma.
 FN void operands(unsigned (&a)[BANDS][4], unsigned from, int apart) {
 #pragma unroll
     for (int m = 0; m < BANDS; m++)
@@ -62,7 +62,7 @@ FN void operands(unsigned (&a)[BANDS][4], unsigned from, int apart) {
             : "=r"(a[m][0]), "=r"(a[m][1]), "=r"(a[m][2]), "=r"(a[m][3]) : "r"(from + 32 * m * apart));
 }
 
-// sum += x W of 16 N inner numbers; rows of x are LD apart.
+// sum += x W over 16 N inner numbers; rows of x are LD apart.
 template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
     static_assert(N % AHEAD == 0, "the ring of weights turns whole");
     unsigned from = (unsigned)__cvta_generic_to_shared(x + threadIdx.x % 16 * LD + threadIdx.x % 32 / 16 * 8);
@@ -85,7 +85,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
                         : "r"(own[0]), "r"(own[1]), "r"(own[2]), "r"(own[3]), "r"(w.ring[slot][j].x), "r"(w.ring[slot][j].y));
                 }
             ahead(w, slot);
-            // Otherwise the compiler delays all reads to the end of the loop body, just before they are needed.
+            // Otherwise the compiler delays all reads to the end of the loop body, just before their use.
             __syncwarp();
         }
     }
@@ -130,8 +130,8 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
 }
 #endif
 
-// Nearly f32: rows and matrix are each f16 plus its rounding residual; the product of the two residuals is left out. Afterwards all threads
-// may write rows.
+// Nearly f32: rows and matrix are each f16 plus a rounding residual; the product of the two residuals is left out.
+// Afterwards all threads may write rows.
 template <int N> FN void exact(const half* x, const half* left, Weights& w, Sum& sum) {
 #pragma unroll 1
     for (int part = 0; part < 3; part++) product<N, LX>(part < 2 ? x : left, w, sum);
@@ -145,13 +145,13 @@ FN void fill(Sum& sum, const float* bias) {
     });
 }
 
-// Two numbers of a row as f16, and their rounding residuals if there is room for them.
+// Writes two numbers of a row as f16, and their rounding residuals if `left` is not null.
 FN void put(half* to, half* left, float a, float b) {
     put(to, a, b);
     if (left) put(left, rest(a), rest(b));
 }
 
-// Sums of f over each row, of all warps.
+// Sums of f over each row, across all warps.
 template <class F> FN void total(Sum& x, float* parts, float* all, F f) {
     for (int line = 0; line < LINES; line++) all[line] = 0;
     each(x, [&](int line, int, int, float& a, float& b) { all[line] += f(line, a) + f(line, b); });
@@ -188,10 +188,11 @@ FN void norm(Sum& x, const float* weight, float* parts, half* y, half* left) {
 }
 
 FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {
-    // Activations alternate between two buffers; at the start and the end their memory holds the rounding residual of x.
+    // Activations alternate between two buffers. At the start and the end this memory holds the rounding residuals of
+    // x.
     half *x = (half*)s, *h = x + ROWS * LX;
     float* parts = (float*)(h + ROWS * (LX > 2 * LH ? LX : 2 * LH));
-    const float* vectors = w + (STEPS + AHEAD) * 8 * E;   // of E numbers each
+    const float* vectors = w + (STEPS + AHEAD) * 8 * E;   // E numbers each
     Weights weights;
     begin(weights, w);
     EACH(i, ROWS * TAKEN / 2) {
@@ -209,13 +210,13 @@ FN void pass(const float* w, const float* tokens, float* out, float* s, int rows
         norm(stream, vectors += E, parts, x, 0);
 #pragma unroll 1
         for (int k = 0; k < WIDE; k++) {
-            // The buffer of the step before last, which all threads have read.
+            // The buffer of the step before the last; all threads have read it.
             half* here = h + k % 2 * ROWS * LH;
 #pragma unroll 1
             for (int part = 0; part < 2; part++) {
                 fill(wide, 0);
                 product<E / 16, LX>(x, weights, wide);
-                // The two halves of a hidden unit are side by side.
+                // The two factors of a gated unit are side by side.
                 each(wide, [&](int, int row, int c, float& a, float& b) { put(here + row * LH + (part * E + c) / 2, gelu(a) * b); });
             }
             SYNC;

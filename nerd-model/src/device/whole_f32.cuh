@@ -1,10 +1,10 @@
-// Products in 32 bits, a window a block.
+// Matrix products in f32, one window per block.
 
 FN float factor(float x) { return x; }
 
 struct Four { float x[4]; };
 
-// Four numbers from an address that is a multiple of four; near the end of a row only those that exist.
+// Four numbers from an address that is a multiple of four; `weights` reads only those within the row.
 FN Four four(const float* p) {
 #ifdef __CUDACC_RTC__
     const float4 v = *(const float4*)p;
@@ -20,8 +20,9 @@ template <int OUT> FN Four weights(const float* row, int c) {
     return b;
 }
 
-// y = f(x W + bias), or y += with ADD: four rows and four columns a thread. A row of x is PARTS rows of WIDE numbers side by side, `off`
-// tokens apart, with zeros beyond the ends of a window. Rows of x are LX numbers apart, rows of y LY.
+// y = f(x W + bias), or y += x W + bias with ADD; four rows and four columns per thread. A row of x joins PARTS rows of
+// WIDE numbers, `off` tokens apart; rows beyond the ends of a window are zero. LX and LY are the row strides of x and
+// y.
 template <int WIDE, int PARTS, int OUT, int LX, int LY, bool ADD, float (*F)(float)>
 FN void linear(const float* x, int off, const float* w, const float* bias, float* y, const float*, int) {
     constexpr int COLUMNS = (OUT + 3) / 4, QUADS = (T + 3) / 4;

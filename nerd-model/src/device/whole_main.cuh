@@ -1,4 +1,4 @@
-// A pass of all windows, a block WINDOWS of them.
+// A pass of all windows, WINDOWS of them per block.
 
 extern "C" __global__ void __launch_bounds__(32 * WARPS) whole_pass(const float* w, const float* tokens, float* out, int n) {
     extern __shared__ __align__(16) float s[];

@@ -1,5 +1,5 @@
-//! `config.json`: the robot, the data and the training of a model. It is written last, so a folder that has it is complete. Also the errors
-//! of loading and saving a model.
+//! `config.json`: robot, data and training of a model; the errors of loading and saving. The file is written last, so a
+//! folder with it is complete.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -20,38 +20,39 @@ use crate::{base::Base, features::Features, program::config::usual};
 pub struct ModelConfig {
     /// Name of the robot.
     pub robot: String,
-    /// Hash of the parts of the robot that determine its motion ([`System::robot_sha256`]).
+    /// Hash of the properties of the robot that determine its motion ([`System::robot_sha256`]).
     pub robot_sha256: String,
-    /// The solver and preset whose motion it learned, for example `articulated accurate`.
+    /// The solver and preset that the model learned from, for example `articulated accurate`.
     pub truth: String,
-    /// The base to which its predictions are added.
+    /// The base to which predictions are added.
     #[serde(default)]
     pub base: Base,
-    /// Content of its tokens.
+    /// Content of tokens.
     #[serde(default, skip_serializing_if = "usual")]
     pub view: View,
-    /// Whether its tokens end with the drawn parameters of their robot.
+    /// Whether tokens end with the drawn parameters of the robot.
     #[serde(default, skip_serializing_if = "usual")]
     pub told: bool,
     /// Shape of the network.
     pub network: TransformerConfig,
-    /// Hash of all that decides its predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
+    /// Hash of everything that determines predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
     pub model_sha256: String,
     /// SHA-256 of the training data.
     pub data_sha256: String,
-    /// Transitions of the training data.
+    /// Number of transitions in the training data.
     pub transitions: usize,
-    /// Optimiser updates.
+    /// Number of optimiser updates.
     pub updates: u64,
-    /// Windows in an update.
+    /// Windows per update.
     pub batch: usize,
-    /// Everything else worth recording: command, machine, commit, seed, minutes.
+    /// Other records: command, machine, commit, seed, minutes.
     #[serde(default)]
     pub provenance: BTreeMap<String, String>,
 }
 
 impl ModelConfig {
-    /// Reads the configuration of a model's folder. Its network is checked to be possible, whatever the other files hold.
+    /// Reads the configuration from a model's folder and checks the shape of the network, whatever the other files
+    /// hold.
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
@@ -59,17 +60,18 @@ impl ModelConfig {
         Ok(config)
     }
 
-    /// The solver whose motion the model in a folder learned.
+    /// The truth that the model in `folder` learned from.
     pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
         Truth::named(&Self::read(folder)?.truth).map_err(|e| wrong(&folder.join("config.json"), e))
     }
 
-    /// Form of its tokens and predictions.
+    /// Form of tokens and predictions.
     pub fn form(&self) -> Form {
         Form { base: self.base, view: self.view, told: self.told }
     }
 
-    /// Refuses a model whose robot's name, or truth if one is given, differs, or whose widths do not fit the robot.
+    /// Refuses a model for another robot's name or another truth (if one is given), or with widths that do not fit the
+    /// robot.
     pub(super) fn check(&self, folder: &Path, system: &System, truth: Option<&str>) -> Result<(), ModelError> {
         for (what, found, wanted) in [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))] {
             if found != wanted {
@@ -105,15 +107,15 @@ pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ModelErro
 /// Why a model cannot be loaded or saved.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
-    /// A file or folder cannot be read or written, or does not hold what it should.
+    /// A file or folder cannot be read or written, or its content is invalid.
     #[error("{path}: {reason}", path = path.display())]
     Folder {
-        /// Which.
+        /// The file or folder.
         path: PathBuf,
-        /// One line.
+        /// The reason, one line.
         reason: String,
     },
-    /// A chain's model, and a robot that is not a chain.
+    /// A chain's model, for a robot that is not a chain.
     #[error(transparent)]
     Chain(#[from] NoChain),
 }

@@ -1,8 +1,9 @@
-//! A model is a folder: `config.json`, `normalizer.json`, `model.safetensors` and a card, `README.md`.
+//! Loads and saves models. A model is a folder: `config.json`, `normalizer.json`, `model.safetensors` and a model card,
+//! `README.md`.
 //!
-//! Models are identified by content. `config.json` holds a hash of the learned robot and one of everything that determines predictions:
-//! shape of the network, form, normaliser, weights. So another robot of the same name is refused, and so is a file that was changed,
-//! truncated or copied from another folder.
+//! Models are identified by content. `config.json` contains a hash of the robot learned and a hash of everything that
+//! determines predictions: shape of the network, form, normaliser, weights. So another robot of the same name is
+//! refused, and so is a file changed or copied from another folder.
 
 mod config;
 
@@ -19,20 +20,20 @@ use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};
 use config::{read_json, wrong};
 
-/// A trained network with its normaliser and its provenance.
+/// A trained network with normaliser and provenance.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Its description.
+    /// Description.
     pub config: ModelConfig,
-    /// Shift and scale of its inputs and outputs.
+    /// Shift and scale of inputs and outputs.
     pub normalizer: Normalizer,
-    /// Its parameters.
+    /// Parameters of the network.
     pub weights: Weights,
 }
 
 impl Model {
-    /// Loads the model of `system` from a folder. Refuses a model of another robot, of another `truth` if one is given (such as
-    /// `articulated accurate`, as its card says), or with files that differ from those it was saved with.
+    /// Loads the model of `system` from a folder. Refuses a model of another robot, another `truth` if one is given
+    /// (such as `articulated accurate`, as on the model card), or files that changed since saving.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;
@@ -50,7 +51,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The same without checking the hashes: for [`Model::stamp`].
+    /// As `Model::load`, without checking the hashes: after a change of a file, before new hashes are written.
     pub fn read(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let config = ModelConfig::read(folder)?;
         config.check(folder, system, truth)?;
@@ -61,7 +62,7 @@ impl Model {
             check(moments, width).map_err(|reason| wrong(&path, format!("{name}: {reason}")))?;
         }
         let path = folder.join("model.safetensors");
-        // A file of a size that the network cannot have is not even read.
+        // Check the size first, so that a file of an impossible size is not read.
         let size = std::fs::metadata(&path).map_err(|e| wrong(&path, e))?.len();
         Weights::check_size(&config.network, size).map_err(|e| wrong(&path, e))?;
         let bytes = nerd_sim::files::read(&path).map_err(|e| wrong(&path, e))?;
@@ -69,7 +70,8 @@ impl Model {
         Ok(Self { config, normalizer, weights })
     }
 
-    /// SHA-256 of everything that determines its predictions, as lower-case hex: truth, form, shape of the network, moments, weights.
+    /// SHA-256 of everything that determines predictions, as lower-case hex: truth, form, shape of the network,
+    /// moments, weights.
     pub fn sha256(&self) -> String {
         let ModelConfig { truth, base, view, network, .. } = &self.config;
         let shape = serde_json::to_string(&(truth, base, view, network)).unwrap_or_default();
@@ -92,20 +94,14 @@ impl Model {
         hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
     }
 
-    /// Accepts its content as learned from `system`: rewrites both hashes of its configuration.
-    pub fn stamp(&mut self, system: &System) {
-        self.config.robot_sha256 = system.robot_sha256();
-        self.config.model_sha256 = self.sha256();
-    }
-
-    /// Writes the folder, `config.json` last; `card` becomes its `README.md`. The configuration's `model_sha256` is computed here. Refuses
-    /// weights that are not finite once stored.
+    /// Writes the folder, `config.json` last; `card` becomes `README.md`. Computes the configuration's `model_sha256`.
+    /// Refuses weights that are not finite once stored.
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let (moments_path, weights_path) = (folder.join("normalizer.json"), folder.join("model.safetensors"));
         let metadata = HashMap::from([("robot".into(), self.config.robot.clone())]);
         let bytes = self.weights.to_bytes(metadata, storage).map_err(|e| wrong(&weights_path, e))?;
         let moments = json(&self.normalizer, &moments_path)?;
-        // As they will be read: storage may round, and serde_json may read a number with its last bit changed.
+        // Hash the values as they will be read back: storage may round, and serde_json may change a number's last bit.
         let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(&moments_path, e))?;
         let weights = Weights::from_bytes(self.config.network, &bytes).map_err(|e| wrong(&weights_path, e))?;
         let stored = Self { config: self.config.clone(), normalizer, weights };
@@ -121,7 +117,7 @@ fn json(value: &impl serde::Serialize, path: &Path) -> Result<Vec<u8>, ModelErro
     Ok((serde_json::to_string_pretty(value).map_err(|e| wrong(path, e))? + "\n").into_bytes())
 }
 
-/// The start of a hash, long enough to distinguish two.
+/// The start of a hash, long enough to tell two apart.
 fn short(hash: &str) -> &str {
     hash.get(..12).unwrap_or(hash)
 }

@@ -1,11 +1,12 @@
-//! Programs in burn: the definition of each operation, against which the other engines are tested, and an engine for any device of burn.
+//! Programs in burn: the reference definition of each operation for tests of other engines, and an engine for any
+//! device of burn.
 
 use burn::tensor::activation::{gelu, relu, softmax};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 
 use super::op::{Activation, Op, Program, Slot, Weight};
 
-/// A program with its parameters on one device.
+/// A program with parameters on one device.
 pub struct BurnNetwork {
     program: Program,
     /// In the order of the program's tensors.
@@ -14,7 +15,7 @@ pub struct BurnNetwork {
 }
 
 impl BurnNetwork {
-    /// With the flat parameters on `device`; an autodiff device makes every tensor trainable.
+    /// Copies the flat parameters to `device`; an autodiff device makes every tensor trainable.
     pub fn new(program: Program, flat: &[f32], device: &Device) -> Self {
         let tensor = |w: &[usize]| {
             let tensor = Tensor::<1>::from_data(TensorData::new(flat[w[0]..w[1]].to_vec(), [w[1] - w[0]]), device);
@@ -24,13 +25,14 @@ impl BurnNetwork {
         Self { program, parameters, device: device.clone() }
     }
 
-    /// Rows `[windows][tokens][width]` on the network's device.
+    /// Rows `[windows][tokens][width]` as a tensor on the network's device.
     pub fn tensor(&self, rows: Vec<f32>, windows: usize, tokens: usize) -> Tensor<3> {
         let width = rows.len() / (windows * tokens);
         Tensor::from_data(TensorData::new(rows, [windows, tokens, width]), &self.device)
     }
 
-    /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first; causal.
+    /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first.
+    /// A Transformer is causal.
     pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [windows, tokens, inputs] = x.dims();
         let mut slots: Vec<Option<Tensor<2>>> = vec![None; self.program.widths.len()];
@@ -70,7 +72,8 @@ impl BurnNetwork {
         read(&slots, self.program.predictions()).reshape([windows, tokens, width])
     }
 
-    /// The gradients of one backward pass in the order of the flat vector, zeros where none was recorded; waits for the device.
+    /// The parameter gradients of one backward pass as a flat vector, zeros where none was recorded. Waits for the
+    /// device.
     pub fn gradients(&self, gradients: &Gradients) -> Tensor<1> {
         let one = |p: &Tensor<1>| p.grad(gradients).unwrap_or_else(|| p.clone().inner().zeros_like());
         Tensor::cat(self.parameters.iter().map(one).collect(), 0)
@@ -86,7 +89,7 @@ impl BurnNetwork {
     }
 }
 
-/// Rows `[q k v]` of windows to mixed values; with a band and frequencies, queries and keys are rotated.
+/// Attention: `[rows, 3 E]` as `[q k v]` to `[rows, E]`. With a band and frequencies, queries and keys are rotated.
 fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[f64])>) -> Tensor<2> {
     let ([rows, width], device) = (qkv.dims(), qkv.device());
     let (windows, e, d) = (rows / tokens, width / 3, width / 3 / heads);
@@ -103,7 +106,7 @@ fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[
     softmax(scores, 3).matmul(v).swap_dims(1, 2).reshape([rows, e])
 }
 
-/// Rotates the column pairs (m, m + d/2) of `[windows, heads, tokens, d]` by the angles of a token's position.
+/// Rotates the column pairs (m, m + d/2) of `[windows, heads, tokens, d]` by the angles of each token's position.
 fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     let ([_, _, tokens, d], device) = (x.dims(), x.device());
     let angles = |f: fn(f64) -> f64| -> Tensor<4> {
@@ -115,7 +118,7 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     Tensor::cat(vec![a.clone() * cos.clone() - b.clone() * sin.clone(), a * sin + b * cos], 3)
 }
 
-/// Rows `[windows tokens, width]` concatenated with the rows of the tokens before and after.
+/// Concatenates each row of `[windows tokens, width]` with the rows of the tokens `apart` before and after.
 fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     let ([rows, width], device) = (x.dims(), x.device());
     let (x, beyond) = (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));

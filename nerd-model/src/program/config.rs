@@ -1,27 +1,28 @@
-//! Shape of a network; what it computes is written in [`super::networks`].
+//! Shape of a network. [`super::networks`] defines its operations.
 
 use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
 
-/// Architecture that maps windows to predictions.
+/// Architecture of a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Architecture {
-    /// The causal Transformer.
+    /// Causal Transformer.
     #[default]
     Transformer,
-    /// Its blocks without attention, over single tokens.
+    /// Transformer blocks without attention, over single tokens.
     Residual,
-    /// A network along a chain ([`crate::chain`]): a window is its rods in one frame, and `block` their number.
+    /// A network along a chain ([`crate::chain`]): a window contains the rods of one frame, and `block` is their
+    /// number.
     Chain,
 }
 
-/// Whether a value is the default, which files leave out.
+/// Whether a value is the default, which files omit.
 pub(crate) fn usual<T: Default + PartialEq>(x: &T) -> bool {
     *x == T::default()
 }
 
-/// Hyper-parameters of the Transformer. Everything is a count.
+/// Shape of a network. All numbers are counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TransformerConfig {
@@ -33,19 +34,20 @@ pub struct TransformerConfig {
     pub embedding: usize,
     /// Number of blocks (paper: 6).
     pub layers: usize,
-    /// Attention heads; E is a multiple of it (paper: 12).
+    /// Attention heads, a divisor of E (paper: 12).
     pub heads: usize,
-    /// Rows of the learned position table (paper: 32), or tokens of a training sequence where positions are rotary; at
+    /// Rows of the learned position table (paper: 32), or with rotary positions the tokens of a training sequence. At
     /// least `history`.
     pub block: usize,
-    /// Tokens that a token sees, itself included, h (paper: 10).
+    /// Tokens h that a token attends to, itself included (paper: 10).
     pub history: usize,
     /// Hidden width of the head MLP (paper: 64).
     pub head: usize,
     /// How a token's position in time is encoded.
     #[serde(default)]
     pub positions: Positions,
-    /// Network between tokens and head; for others than the Transformer `embedding` is the width, and `heads` and `block` are unused.
+    /// Architecture. For others than the Transformer `embedding` is the width; `heads` is unused, and so is `block`
+    /// except for a chain.
     #[serde(default, skip_serializing_if = "usual")]
     pub architecture: Architecture,
 }
@@ -54,28 +56,28 @@ pub struct TransformerConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Positions {
-    /// A learned table, one row for each place in the window (paper). Every frame recomputes the window.
+    /// A learned table, one row for each position in the window (paper). Every frame recomputes the window.
     #[default]
     Table,
-    /// Rotated queries and keys under a banded causal mask. Every frame computes its own token only.
+    /// Rotated queries and keys under a banded causal mask. Every frame computes only its new token.
     Rotary,
 }
 
-/// Angle per token of column pair 0; pair m of a head of width d has `ROTARY_BASE^(-2m/d)` times it. Smaller than the 10 000 of language
-/// models, whose contexts are thousands of tokens long.
+/// Base of the rotary angles: pair m of a head of width d has `ROTARY_BASE^(-2m/d)` rad per token. Below the 10 000 of
+/// language models, which have thousands of tokens of context.
 const ROTARY_BASE: f64 = 100.0;
 
-/// Most parameters of a network: 4 GiB of weights.
+/// Largest number of parameters: 4 GiB of weights.
 const MOST_PARAMETERS: usize = 1 << 30;
 
 impl TransformerConfig {
-    /// The paper's network for a robot with `inputs` features and `outputs` state coordinates.
+    /// The paper's network for `inputs` features and `outputs` state coordinates.
     pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
         let (positions, architecture) = Default::default();
         Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64, positions, architecture }
     }
 
-    /// Tokens of a training sequence: the window, or a longer one where positions are rotary.
+    /// Tokens of a training sequence: the window, or `block` with rotary positions.
     pub fn sequence(&self) -> usize {
         match self.positions {
             Positions::Table => self.history,
@@ -83,8 +85,8 @@ impl TransformerConfig {
         }
     }
 
-    /// Frames that a prediction depends on, its own included: the window. With rotary positions, `history - 1` more for every layer, since
-    /// a layer's stored keys and values already depend on earlier tokens.
+    /// Frames that a prediction depends on, the present one included: the window. With rotary positions, `history - 1`
+    /// more for every layer, since a layer's cached keys and values depend on earlier tokens.
     pub fn reach(&self) -> usize {
         match (self.positions, self.architecture) {
             (Positions::Rotary, Architecture::Transformer) => self.layers * (self.history - 1) + 1,
@@ -92,15 +94,14 @@ impl TransformerConfig {
         }
     }
 
-    /// Angle (rad) by which each pair of a head's columns is rotated from one token to the next, `[d / 2]`; columns m and m + d/2 form a
-    /// pair.
+    /// Rotary angle (rad) of each column pair per token, `[d / 2]`; columns m and m + d/2 of a head form a pair.
     pub fn frequencies(&self) -> impl Iterator<Item = f64> {
         let half = self.embedding / self.heads / 2;
         (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
     }
 
-    /// Refuses an impossible shape, naming the key. An accepted shape has at most 2^30 parameters, so that no count overflows and its
-    /// memory is known before any is allocated.
+    /// Refuses an impossible shape, naming the key. An accepted shape has at most 2^30 parameters, so no count
+    /// overflows and memory is bounded before any is allocated.
     pub fn check(&self) -> Result<(), String> {
         let Self { inputs, outputs, embedding, layers, heads, block, history, head, .. } = *self;
         let counts = [
@@ -126,7 +127,7 @@ impl TransformerConfig {
                 return Err(format!("`heads` is {heads}, it must divide the width of {embedding}{pairs}"));
             }
         }
-        // Below the bounds no product of these overflows.
+        // Within these bounds no product overflows.
         match self.parameters() {
             n if n > MOST_PARAMETERS => Err(format!("{n} parameters: at most {MOST_PARAMETERS} can be held")),
             _ => Ok(()),

@@ -1,9 +1,9 @@
-//! A network as a list of operations over named slots, written once and read by every engine.
+//! Networks as lists of operations over slots, written once and executed by every engine.
 //!
-//! A slot holds a row for each token. Each step reads one slot and sets another, adds to it, or changes it in place. So a residual
-//! connection is a slot that is added to, and its gradient flows back through the same slot. The module `networks` writes the lists beside
-//! their equations. `BurnNetwork` (feature `burn`) defines each operation in burn, and the other engines are tested against it: outputs,
-//! gradients with respect to weights and inputs (module `specimens`).
+//! A slot has one row per token. Each step reads one slot and sets another, adds to it, or changes it in place. So a
+//! residual connection is a slot that steps add to, and its gradient flows back through the same slot. The module
+//! `networks` writes the lists beside their equations. `BurnNetwork` (feature `burn`) defines each operation in burn.
+//! Tests compare the other engines with it: outputs, gradients with respect to weights and inputs (module `specimens`).
 
 #[cfg(feature = "burn")]
 mod burn;

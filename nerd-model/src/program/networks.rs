@@ -1,10 +1,10 @@
-//! The networks, each beside its equations.
+//! The networks as programs, each with its equations.
 
 use super::config::{Architecture, Positions, TransformerConfig};
 use super::op::{Activation, Init, Op, Program, Step, TensorSpec};
 
 impl TransformerConfig {
-    /// The network's operations.
+    /// The network's program.
     pub fn program(&self) -> Program {
         match self.architecture {
             Architecture::Transformer => transformer(self),
@@ -13,13 +13,13 @@ impl TransformerConfig {
         }
     }
 
-    /// Every tensor of the network in the order it is used. Linear weights are `[in, out]`, row-major: `y = x W + b`.
+    /// Every tensor of the network in order of use. Linear weights are `[in, out]`, row-major: `y = x W + b`.
     pub fn tensors(&self) -> Vec<TensorSpec> {
         self.program().tensors
     }
 
-    /// Parameter count; of a Transformer
-    /// `E (D_in + 1) + block E (of a table) + L (12 E^2 + 2 E) + E + E^2 + head (E + 1) + D_out (head + 1)`.
+    /// Number of parameters; for a Transformer `E (D_in + 1) + block E (of a table) + L (12 E^2 + 2 E) + E + E^2 + head
+    /// (E + 1) + D_out (head + 1)`.
     pub fn parameters(&self) -> usize {
         self.tensors().iter().map(|t| t.len()).sum()
     }
@@ -27,13 +27,13 @@ impl TransformerConfig {
 
 /// The causal Transformer (paper A.2; nanoGPT blocks, pre-norm).
 ///
-/// `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += W_down gelu(W_up LN(x))`, a last `LN`, a linear `E -> E` without
-/// bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a weight only. Attention is
-/// `[q k v] = x W_qkv`, mixed by heads, times `W_proj`.
+/// `x = W_in u + b_in + P[k]`, then per block `x += Attn(LN(x))`, `x += W_down gelu(W_up LN(x))`. Then `LN`, a linear
+/// `E -> E` without bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Blocks have no biases; `LN` has a weight only.
+/// Attention computes `[q k v] = x W_qkv`, attends by heads and multiplies by `W_proj`.
 ///
-/// With [`Positions::Rotary`] there is no table P: queries and keys are rotated by angles proportional to their position (Su et al. 2021),
-/// so that only distances in time count, and a token attends to the last h tokens alone. Then keys and values never change once computed,
-/// and a rollout evaluates one token a frame.
+/// With [`Positions::Rotary`] there is no table P: queries and keys are rotated by angles proportional to their
+/// position (Su et al. 2021), so only distances in time count. A token attends to the last h tokens alone. Keys and
+/// values never change once computed, and a rollout evaluates one token per frame.
 fn transformer(c: &TransformerConfig) -> Program {
     let (e, small, scaled) = (c.embedding, Init::Normal(0.02), Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
@@ -65,9 +65,9 @@ fn transformer(c: &TransformerConfig) -> Program {
     p
 }
 
-/// The Transformer of a single token: attention over one key is the value itself, so it is left out. Its perceptrons are gated, since
-/// dynamics is full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, a and b three times as wide as x. The head is linear,
-/// `W_out LN(x) + b_out`.
+/// The Transformer of a single token. Attention over one key returns its value, so it is omitted. Its MLPs are gated,
+/// since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and b three times as
+/// wide as x. The head is linear, `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
     let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
@@ -86,12 +86,12 @@ fn residual(c: &TransformerConfig) -> Program {
     p
 }
 
-/// Actor and critic: one trunk over a single observation, with heads for mean action, value and, if state-dependent, the logarithm of the
-/// action's standard deviation.
+/// Actor and critic in one MLP over an observation. The outputs are mean action, value and, if state-dependent, the log
+/// standard deviation of the action.
 ///
-/// `x -> f(W x + b)` between these `widths`, the first an observation's, no f before the last. A standard deviation that is the same in all
-/// states is the last tensor, `log_std`, of `spread` numbers, which no step reads. Initial weights are uniform in +-1/sqrt(fan in), biases
-/// and `log_std` 0.
+/// `x -> f(W x + b)` between these `widths`, the first an observation's, without f before the last. A state-independent
+/// standard deviation is the last tensor, `log_std`, of `spread` numbers, which no step reads. Initial weights are
+/// uniform in +-1/sqrt(fan in), biases and `log_std` 0.
 pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program {
     let (inputs, layers) = (widths.first().copied().unwrap_or(0), widths.len().saturating_sub(1));
     let mut p = Program::new(inputs);
@@ -109,14 +109,14 @@ pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program
     p
 }
 
-/// Distance of the rods that are mixed, block by block: after eight blocks each of forty rods depends on all others.
+/// Distance of the mixed rods, block by block: after eight blocks each of forty rods depends on all others.
 const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 
-/// A network along a chain, whose tokens are its rods in one frame ([`crate::chain`]).
+/// A network along a chain, with the rods of one frame as tokens ([`crate::chain`]).
 ///
-/// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)` and d = 1, 2, 4, 8,
-/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. Initial outputs are small, so that an untrained chain keeps its
-/// velocity. No norm has a weight: the next matrix would absorb it.
+/// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)`
+/// and d = 1, 2, 4, 8, 16, 4, 2, 1, repeated; at last `W_out norm(h) + b_out`. Initial outputs are small, so that an
+/// untrained chain keeps its velocity. No norm has a weight: the next matrix would absorb it.
 fn chain(c: &TransformerConfig) -> Program {
     let (e, none) = (c.embedding, Init::Constant(0.0));
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());

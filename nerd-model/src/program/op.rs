@@ -1,16 +1,16 @@
-//! Operations over named slots, and lists of them.
+//! Operations over slots, and programs made of them.
 
 use serde::{Deserialize, Serialize};
 
-/// Rows of one width, one for each token.
+/// Rows of one width, one per token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot(pub usize);
 
-/// A tensor of parameters, by its number in [`Program::tensors`].
+/// A tensor of parameters, by its index in [`Program::tensors`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Weight(pub usize);
 
-/// The activation between two products.
+/// Activation function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activation {
@@ -20,15 +20,15 @@ pub enum Activation {
     Relu,
     /// `tanh x`.
     Tanh,
-    /// `x`, below 0 `e^x - 1`.
+    /// `x`, or `e^x - 1` below 0.
     Elu,
 }
 
-/// What a step computes: y of the slot it writes from x of the slot it reads.
+/// Operation of a step, from x of the slot it reads to y of the slot it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
-    /// `y = x diag(scale) W + bias`, or `y += ..` if `add`. A layer norm's weight is the `scale` of the next matrix, into which
-    /// engines fold it.
+    /// `y = x diag(scale) W + bias`, or `y += ...` if `add`. `scale` is the weight of the preceding layer norm; engines
+    /// fold it into W.
     Linear {
         /// W, `[in, out]`.
         weight: Weight,
@@ -36,20 +36,20 @@ pub enum Op {
         scale: Option<Weight>,
         /// `[out]`.
         bias: Option<Weight>,
-        /// Whether it is added to y.
+        /// Whether to add to y.
         add: bool,
     },
-    /// `y = x + P[k]` in place, k the position of a token in its window.
+    /// `y = x + P[k]` in place, with k the position of a token in its window.
     Place(Weight),
-    /// `y = (x - mean) / sqrt(variance + 1e-5)` of every row, the variance biased.
+    /// `y = (x - mean) / sqrt(variance + 1e-5)` per row, with biased variance.
     Norm,
-    /// `y = softmax(q k^T / sqrt(d) + M) v` by heads of width d, with `x = [q k v]`; M is 0 where a token attends to another and -inf
-    /// elsewhere.
+    /// `y = softmax(q k^T / sqrt(d) + M) v` by heads of width d, with `x = [q k v]`; M is 0 for visible tokens and -inf
+    /// for others.
     Attend {
-        /// Equal parts of q, k and v.
+        /// Number of heads, equal parts of q, k and v.
         heads: usize,
-        /// Number of tokens that a token attends to, itself included, with queries and keys rotated by their positions. None: all older
-        /// ones of its window, without rotation.
+        /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: all tokens of the
+        /// window up to itself, without rotation.
         band: Option<usize>,
     },
     /// `y_k = [x_{k-d} x_k x_{k+d}]`, d tokens apart in a window, zeros beyond its ends.
@@ -63,24 +63,24 @@ pub enum Op {
 /// One operation between two slots.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Slot that is read.
+    /// Slot to read.
     pub from: Slot,
-    /// Slot that is written.
+    /// Slot to write.
     pub to: Slot,
     /// The operation.
     pub op: Op,
 }
 
-/// A network: its parameters and operations. Slot 0 holds tokens, the last step writes predictions.
+/// A network: parameters and operations. Slot 0 contains the tokens; the last step writes the predictions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Program {
-    /// Parameters in the order of the flat vector.
+    /// Parameter tensors in the order of the flat vector.
     pub tensors: Vec<TensorSpec>,
     /// Width of every slot.
     pub widths: Vec<usize>,
-    /// In order.
+    /// Operations in order.
     pub steps: Vec<Step>,
-    /// Angle (rad) by which each pair of a head's columns is rotated from one token to the next, for rotary positions.
+    /// Rotary angle (rad) of each column pair of a head per token.
     pub frequencies: Vec<f64>,
 }
 
@@ -105,7 +105,7 @@ impl Program {
         self.widths[slot.0]
     }
 
-    /// Where tensors begin in the flat vector, and where the last one ends.
+    /// Offset of each tensor in the flat vector, then the total length.
     pub fn starts(&self) -> Vec<usize> {
         let ends = self.tensors.iter().scan(0, |at, t| {
             *at += t.len();
@@ -114,13 +114,13 @@ impl Program {
         [0].into_iter().chain(ends).collect()
     }
 
-    /// A new tensor.
+    /// Appends a tensor.
     pub fn tensor(&mut self, name: &str, shape: &[usize], init: Init) -> Weight {
         self.tensors.push(TensorSpec { name: name.into(), shape: shape.to_vec(), init });
         Weight(self.tensors.len() - 1)
     }
 
-    /// A step to a new slot of this width.
+    /// Appends a step to a new slot of this width.
     pub fn then(&mut self, from: Slot, width: usize, op: Op) -> Slot {
         self.widths.push(width);
         let to = Slot(self.widths.len() - 1);
@@ -128,14 +128,14 @@ impl Program {
         to
     }
 
-    /// `x W + b` in a new slot, of tensors `NAME.weight` and `NAME.bias`.
+    /// Appends `x W + b` to a new slot, with tensors `NAME.weight` and `NAME.bias`.
     pub fn linear(&mut self, name: &str, x: Slot, width: usize, [weights, biases]: [Init; 2]) -> Slot {
         let weight = self.tensor(&format!("{name}.weight"), &[self.width(x), width], weights);
         let bias = Some(self.tensor(&format!("{name}.bias"), &[width], biases));
         self.then(x, width, Op::Linear { weight, scale: None, bias, add: false })
     }
 
-    /// `LN(x) W` in a new slot, of tensors `NORM.weight` and `NAME.weight`; no biases.
+    /// Appends `LN(x) W` to a new slot, with tensors `NORM.weight` and `NAME.weight`; no biases.
     pub fn normed(&mut self, norm: &str, name: &str, x: Slot, width: usize, init: Init) -> Slot {
         let e = self.width(x);
         let scale = Some(self.tensor(&format!("{norm}.weight"), &[e], Init::Constant(1.0)));
@@ -144,14 +144,14 @@ impl Program {
         self.then(x, width, Op::Linear { weight, scale, bias: None, add: false })
     }
 
-    /// `to += x W`, of a tensor `NAME.weight`.
+    /// Appends `to += x W`, with tensor `NAME.weight`.
     pub fn residual(&mut self, name: &str, x: Slot, to: Slot, init: Init) {
         let weight = self.tensor(&format!("{name}.weight"), &[self.width(x), self.width(to)], init);
         self.steps.push(Step { from: x, to, op: Op::Linear { weight, scale: None, bias: None, add: true } });
     }
 }
 
-/// Name, shape and initial law of one tensor.
+/// Name, shape and initialisation of one tensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TensorSpec {
     /// Dotted name, as in `model.safetensors`.
@@ -167,9 +167,9 @@ pub struct TensorSpec {
 pub enum Init {
     /// N(0, sigma).
     Normal(f64),
-    /// Uniform in +-1/sqrt(fan_in), the usual law of a linear layer.
+    /// Uniform in +-1/sqrt(fan_in), the usual initialisation of a linear layer.
     FanIn(usize),
-    /// One value.
+    /// Constant.
     Constant(f64),
 }
 
@@ -181,7 +181,7 @@ impl TensorSpec {
     }
 }
 
-/// Stride of token rows on a GPU: cuBLAS is faster with aligned rows.
+/// Stride of token rows on a GPU, a multiple of four: cuBLAS is faster with aligned rows.
 pub fn padded(inputs: usize) -> usize {
     inputs.next_multiple_of(4)
 }

@@ -1,4 +1,4 @@
-//! Test programs, one around every operation and one of every network, with burn's results, against which other engines are tested.
+//! Test programs, one for every operation and every network, with burn's results as the reference for other engines.
 
 use burn::tensor::{Device, Tensor};
 
@@ -10,9 +10,9 @@ use super::{Activation, Init, Op, Program, Slot, Step, policy};
 pub struct Specimen {
     /// Name of the operation or network.
     pub name: String,
-    /// For tokens of a few numbers.
+    /// Its program, for tokens of a few numbers.
     pub program: Program,
-    /// Parameters, none at a special value.
+    /// Parameters, all generic values.
     pub flat: Vec<f32>,
     /// Tokens `[WINDOWS][TOKENS][inputs]`.
     pub tokens: Vec<f32>,
@@ -22,7 +22,7 @@ pub struct Specimen {
 
 /// Windows of a specimen.
 pub const WINDOWS: usize = 5;
-/// Tokens of each.
+/// Tokens per window.
 pub const TOKENS: usize = 6;
 
 impl Specimen {
@@ -37,7 +37,7 @@ impl Specimen {
         }
     }
 
-    /// Predictions, and gradients with respect to parameters and tokens, by burn, which defines them.
+    /// Reference results by burn: predictions, and gradients with respect to parameters and tokens, flat.
     pub fn by_burn(&self) -> [Vec<f32>; 3] {
         let network = BurnNetwork::new(self.program.clone(), &self.flat, &Device::flex().autodiff());
         let tensor = |x: &[f32]| network.tensor(x.to_vec(), WINDOWS, TOKENS);
@@ -50,7 +50,7 @@ impl Specimen {
     }
 }
 
-/// A linear step, the operation, and a linear step: the upstream gradient is no constant, and weights precede the operation.
+/// The operation between two linear steps, so that its upstream gradient varies and weights precede it.
 fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> Specimen {
     let mut p = Program::new(3);
     let x = p.linear("first", p.tokens(), width, [Init::Normal(0.8), Init::Normal(0.5)]);
@@ -60,7 +60,7 @@ fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> S
     Specimen::new(name, p)
 }
 
-/// One of each operation.
+/// One specimen of each operation.
 pub fn operations() -> Vec<Specimen> {
     let attend = |name, band: Option<usize>| {
         around(name, 48, move |p, x| {
@@ -103,7 +103,7 @@ pub fn operations() -> Vec<Specimen> {
     ]
 }
 
-/// One of each network, over windows or sequences of [`TOKENS`].
+/// One specimen of each network, over windows or sequences of [`TOKENS`].
 pub fn networks() -> Vec<Specimen> {
     let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
     let all = [Architecture::Transformer, Architecture::Residual, Architecture::Chain];
@@ -113,7 +113,7 @@ pub fn networks() -> Vec<Specimen> {
     let all = all.into_iter().chain(others.map(|(name, program)| (name.to_string(), program)));
     let specimen = |(name, program): (String, Program)| {
         let mut specimen = Specimen::new(&name, program);
-        // Deep networks have small outputs with the parameters of shallow ones.
+        // Deep networks need smaller parameters, so that outputs stay small.
         specimen.flat.iter_mut().for_each(|w| *w *= 0.4);
         specimen
     };

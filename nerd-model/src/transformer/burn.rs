@@ -1,4 +1,4 @@
-//! [`Forward`] over whole windows on any device of burn.
+//! [`Forward`] over windows on any device of burn.
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 

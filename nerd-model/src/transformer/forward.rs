@@ -1,7 +1,7 @@
-//! Networks over whole windows: the interface to any engine, and the CPU's engine.
+//! Evaluation of networks over windows: the interface to any engine, and the CPU engine.
 //!
-//! On the CPU rows are split into blocks whose activations stay in the second-level cache, one block to a thread at a time. After the last
-//! mixing of tokens only the newest are computed.
+//! On the CPU rows are split into blocks, one per thread at a time, with activations in the L2 cache. Once tokens mix
+//! no more, only the newest are computed.
 
 use rayon::prelude::*;
 
@@ -9,13 +9,13 @@ use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass};
 
-/// Evaluates a network on windows, on any engine.
+/// Evaluates a network on windows.
 pub trait Forward: Send {
     /// Predictions at the newest token of each window, in normalised target units.
     ///
-    /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first; `last[w]` is the index
-    /// of the newest token of window `w`, and later tokens are padding of any finite value. `out` is
-    /// replaced by `[windows][outputs]`.
+    /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first. `last[w]` is the index
+    /// of the newest token of window `w`; later tokens are padding of any finite value. `out` is replaced by
+    /// `[windows][outputs]`.
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 }
 
@@ -23,11 +23,11 @@ pub trait Forward: Send {
 #[derive(Debug, thiserror::Error)]
 #[error("network: {message}")]
 pub struct ForwardError {
-    /// What went wrong.
+    /// The reason.
     pub message: String,
 }
 
-/// Refuses windows that do not fit a network.
+/// Refuses windows that do not fit the network.
 pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
     let expected = last.len() * tokens * config.inputs;
     let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
@@ -44,13 +44,13 @@ pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, l
 
 pub(super) const ROWS: usize = 512;
 
-/// Block size for `n` items: even blocks of at most `most`, and enough of them to keep every thread busy.
+/// Block size for `n` items: blocks of equal size, at most `most`, enough of them to keep every thread busy.
 pub(crate) fn even(n: usize, most: usize) -> usize {
     let threads = rayon::current_num_threads();
     n.div_ceil(threads * n.div_ceil(threads * most).max(1)).max(1)
 }
 
-/// A network that recomputes windows.
+/// A network on the CPU that evaluates windows.
 pub struct PackedForward {
     config: TransformerConfig,
     network: Loaded,

@@ -1,4 +1,4 @@
-//! Weights of networks, and what evaluates them on the CPU.
+//! Weights of networks, and their evaluation over windows and streams.
 
 #[cfg(feature = "burn")]
 mod burn;
@@ -17,7 +17,8 @@ pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};
 pub use weights::{Storage, Weights, WeightsError};
 
-/// The fastest evaluator on the CPU: a stream with memory if the network's positions allow it, otherwise recomputed windows.
+/// The fastest CPU evaluator: a stream with cached keys and values if positions are rotary, otherwise recomputed
+/// windows.
 pub fn packed(weights: &Weights) -> Box<dyn Stream> {
     match (weights.config.architecture, weights.config.positions) {
         (Architecture::Transformer, Positions::Rotary) => Box::new(PackedStream::new(weights)),

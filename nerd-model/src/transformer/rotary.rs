@@ -1,7 +1,7 @@
-//! [`Stream`] for rotary positions on the CPU: keys and values of old tokens are kept, one token is computed a frame.
+//! [`Stream`] for rotary positions on the CPU: caches keys and values of old tokens and computes one token per frame.
 //!
-//! Keys and queries are rotated once, by their position since the environment was cleared, so their product depends on their distance only.
-//! The angle is kept as a unit vector that every frame advances, so it never loses precision.
+//! Keys and queries are rotated once, by their position since the last clear, so their product depends only on
+//! distance. The angle is stored as a unit vector that every frame rotates, so it never loses precision.
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -12,7 +12,7 @@ use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass, Ring};
 
-/// A network with memory of earlier tokens.
+/// A network with cached keys and values of earlier tokens.
 pub struct PackedStream {
     network: Network,
     envs: Vec<Env>,
@@ -22,18 +22,18 @@ pub struct PackedStream {
 struct Network {
     config: TransformerConfig,
     loaded: Loaded,
-    /// Cosine and sine of a frame's rotation, by pair of a head's columns.
+    /// Cosine and sine of a frame's rotation, `[d / 2]`.
     turn: Vec<(f64, f64)>,
-    /// Floats of the keys and values of a layer.
+    /// Floats in the cache of a layer.
     ring: usize,
 }
 
 struct Env {
-    /// Tokens since it was cleared.
+    /// Tokens since the last clear.
     taken: usize,
-    /// Cosine and sine of the newest token's position, by pair.
+    /// Cosine and sine of the newest token's position, `[d / 2]`.
     place: Vec<(f64, f64)>,
-    /// A ring of each layer.
+    /// Caches, `[layer][ring]`.
     past: Vec<f32>,
 }
 
@@ -46,7 +46,7 @@ struct Work {
 }
 
 impl PackedStream {
-    /// Packs `weights`, whose positions must be rotary.
+    /// Packs `weights`. Panics unless positions are rotary.
     pub fn new(weights: &Weights) -> Self {
         let config = weights.config;
         assert_eq!(config.positions, Positions::Rotary, "keys and values can be kept only if positions are relative");
@@ -75,33 +75,10 @@ impl Stream for PackedStream {
             env.taken = 0;
         }
     }
-
-    /// Token count, positions, rings.
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, ForwardError> {
-        let Some(Env { taken, place, past }) = self.envs.get(env).filter(|env| env.taken > 0) else { return Ok(Vec::new()) };
-        let places = place.iter().flat_map(|(cos, sin)| [*cos, *sin]);
-        Ok([*taken as f64].into_iter().chain(places).chain(past.iter().map(|x| f64::from(*x))).collect())
-    }
-
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), ForwardError> {
-        let (pairs, Some(kept)) = (self.network.turn.len(), self.envs.get_mut(env)) else {
-            return Err(ForwardError { message: format!("environment {env} has had no frame yet") });
-        };
-        kept.taken = 0;
-        let Some((taken, rest)) = memory.split_first() else { return Ok(()) };
-        if rest.len() != 2 * pairs + kept.past.len() {
-            return Err(ForwardError { message: format!("{} numbers are no memory of this network", memory.len()) });
-        }
-        let (places, past) = rest.split_at(2 * pairs);
-        kept.taken = *taken as usize;
-        kept.place = places.as_chunks::<2>().0.iter().map(|[cos, sin]| (*cos, *sin)).collect();
-        kept.past.iter_mut().zip(past).for_each(|(kept, x)| *kept = *x as f32);
-        Ok(())
-    }
 }
 
 impl Work {
-    /// Pushes a token of each environment of a block, and writes its predictions.
+    /// Pushes one token per environment of a block, and writes their predictions.
     fn push(&mut self, network: &Network, envs: &mut [Env], tokens: &[f32], out: &mut [f32]) {
         let Self { memory, turns, shares } = self;
         let TransformerConfig { embedding: e, heads, history, .. } = network.config;
@@ -126,7 +103,7 @@ impl Work {
 }
 
 impl Env {
-    /// Advances its position by one token.
+    /// Advances the position by one token.
     fn turn(&mut self, by: &[(f64, f64)]) {
         if self.taken == 0 {
             self.place.clear();

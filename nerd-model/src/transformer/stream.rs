@@ -1,45 +1,35 @@
-//! The frame-by-frame interface of a network, and an adapter for engines of whole windows.
+//! Frame-by-frame evaluation of a network, and an adapter for engines of windows.
 
 use super::forward::{Forward, ForwardError};
 use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, with memory of earlier frames.
 ///
-/// A prediction equals the training pass's over all frames since the environment was cleared.
+/// Predictions equal the training pass over all frames since the environment was cleared.
 pub trait Stream: Send {
-    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions, in normalised target units, replace
-    /// `out`: `[env][outputs]`. Every call has the same number of environments.
+    /// Evaluates one frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major. Predictions in
+    /// normalised target units replace `out`: `[env][outputs]`. The number of environments must not change.
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 
-    /// Forgets the frames of one environment.
+    /// Clears the memory of one environment.
     fn clear(&mut self, env: usize);
-
-    /// Memory of one environment as numbers; a network that sees one frame has none, and is never asked.
-    fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
-        Ok(Vec::new())
-    }
-
-    /// Restores an environment's memory from the [`Self::remembered`] numbers of another. The environment has stepped at least once.
-    fn recall(&mut self, env: usize, _memory: &[f64]) -> Result<(), ForwardError> {
-        self.clear(env);
-        Ok(())
-    }
 }
 
-/// A [`Stream`] that keeps the tokens on which a prediction depends ([`TransformerConfig::reach`]) and evaluates them as windows.
+/// A [`Stream`] that stores the tokens that a prediction depends on ([`TransformerConfig::reach`]) and evaluates them
+/// as windows.
 pub struct Windowed<F> {
     forward: F,
     config: TransformerConfig,
     /// `[env][reach][inputs]`, oldest first.
     tokens: Vec<f32>,
-    /// Tokens held of each environment.
+    /// Number of stored tokens of each environment.
     held: Vec<usize>,
     window: Vec<f32>,
     last: Vec<u32>,
 }
 
 impl<F: Forward> Windowed<F> {
-    /// Evaluated by `forward`.
+    /// A stream evaluated by `forward`.
     pub fn new(forward: F, config: TransformerConfig) -> Self {
         Self { forward, config, tokens: Vec::new(), held: Vec::new(), window: Vec::new(), last: Vec::new() }
     }
@@ -64,7 +54,7 @@ impl<F: Forward> Stream for Windowed<F> {
         self.held.resize(envs, 0);
         tokens.chunks_exact(width).enumerate().for_each(|(env, token)| self.remember(env, token));
         out.clear();
-        // Windows shorter than the longest are padded after their newest token, which a causal network cannot see.
+        // Shorter windows are padded after their newest token, which a causal network cannot see.
         let Some(longest) = self.held.iter().copied().max() else { return Ok(()) };
         self.window.clear();
         self.last.clear();
@@ -80,25 +70,9 @@ impl<F: Forward> Stream for Windowed<F> {
             *held = 0;
         }
     }
-
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, ForwardError> {
-        let (row, width) = (self.config.reach() * self.config.inputs, self.config.inputs);
-        let held = self.held.get(env).map_or(&[][..], |held| &self.tokens[env * row..][..held * width]);
-        Ok(held.iter().map(|x| f64::from(*x)).collect())
-    }
-
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), ForwardError> {
-        let (reach, width) = (self.config.reach(), self.config.inputs);
-        if !memory.len().is_multiple_of(width) || memory.len() > reach * width || env >= self.held.len() {
-            return Err(ForwardError { message: format!("{} numbers are no memory of environment {env}", memory.len()) });
-        }
-        self.tokens[env * reach * width..].iter_mut().zip(memory).for_each(|(token, x)| *token = *x as f32);
-        self.held[env] = memory.len() / width;
-        Ok(())
-    }
 }
 
-/// Refuses frames that do not fit a network; returns the number of environments.
+/// Refuses frames that do not fit the network; returns the number of environments.
 pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> Result<usize, ForwardError> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {

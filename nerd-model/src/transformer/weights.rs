@@ -1,8 +1,7 @@
 //! The network's parameters as one flat f32 vector in the order of [`TransformerConfig::tensors`].
 //!
-//! This is the form every engine exchanges (burn modules, the fused CUDA engine, files), and the form in which
-//! optimiser states and moving averages are kept. The initial values come from ChaCha8, so the same seed gives the
-//! same bytes whatever the device.
+//! All engines exchange this vector (burn modules, the fused CUDA engine, files); optimiser states and moving averages
+//! have the same layout. Initial values come from ChaCha8, so one seed gives the same bytes on every device.
 
 use std::collections::HashMap;
 
@@ -26,13 +25,13 @@ impl From<safetensors::SafeTensorError> for WeightsError {
     }
 }
 
-/// Layout of parameters in a file.
+/// Precision of parameters in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Storage {
-    /// As they are.
+    /// f32.
     F32,
-    /// Matrices of the blocks rounded to a mantissa of ten bits, the precision that training on tensor cores uses. The first and the last
-    /// layers stay f32.
+    /// Matrices of the blocks as f16 (10-bit mantissa, the precision of training on tensor cores). The first and the
+    /// last layers stay f32.
     F16,
 }
 
@@ -41,12 +40,12 @@ pub enum Storage {
 pub struct Weights {
     /// Shape of the network.
     pub config: TransformerConfig,
-    /// Entries, tensor after tensor.
+    /// Parameters, tensor after tensor.
     pub flat: Vec<f32>,
 }
 
 impl Weights {
-    /// Fresh parameters for `seed`.
+    /// Initial parameters for `seed`.
     pub fn init(config: TransformerConfig, seed: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut flat = Vec::with_capacity(config.parameters());
@@ -63,7 +62,7 @@ impl Weights {
         Self { config, flat }
     }
 
-    /// Every tensor with its entries.
+    /// Every tensor with its values.
     pub fn iter(&self) -> impl Iterator<Item = (TensorSpec, &[f32])> {
         let mut start = 0;
         self.config.tensors().into_iter().map(move |t| {
@@ -86,12 +85,12 @@ impl Weights {
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
 
-    /// Refuses an impossible configuration, or a file of `found` bytes whose size does not match it. So reading takes no more memory than
-    /// the file.
+    /// Refuses an impossible configuration, or a file size `found` (bytes) that does not match it. So reading takes no
+    /// more memory than the file.
     pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
         config.check().map_err(WeightsError)?;
         let n = config.parameters() as u64;
-        // Smallest as f16, largest as f32 with the longest header.
+        // From all f16 to all f32 with the longest header.
         let (least, most) = (2 * n, 4 * n + (1 << 24));
         match (least..=most).contains(&found) {
             true => Ok(()),
@@ -99,7 +98,8 @@ impl Weights {
         }
     }
 
-    /// Reads the parameters of `config` from the bytes of a safetensors file; requires exactly its tensors, all finite.
+    /// Reads the parameters of `config` from the bytes of a safetensors file. The tensors must match exactly and be
+    /// finite.
     pub fn from_bytes(config: TransformerConfig, bytes: &[u8]) -> Result<Self, WeightsError> {
         Self::check_size(&config, bytes.len() as u64)?;
         let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());

@@ -1,6 +1,6 @@
 //! Small models of random weights, batches, and comparisons of numbers.
 
-// Each test file is a crate of its own and uses a part of this.
+// Each test file is a separate crate and uses only part of this module.
 #![allow(dead_code)]
 
 use nerd_model::folder::{Model, ModelConfig};
@@ -11,12 +11,12 @@ use nerd_sim::prelude::*;
 
 pub const POSITIONS: [Positions; 2] = [Positions::Table, Positions::Rotary];
 
-/// An untrained model of `system` whose predictions are added to `base`.
+/// An untrained model of `system` with predictions added to `base`.
 pub fn model(system: &Arc<System>, base: Base) -> Model {
     placed(system, base, Positions::Table)
 }
 
-/// The same with positions of either kind.
+/// As `model`, in a form and with positions of either kind.
 pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions) -> Model {
     let form = form.into();
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
@@ -26,7 +26,8 @@ pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions)
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
 }
 
-/// A model with a one-frame network, [`View::Moving`] and the trapezoid base; `mean` and `said` set the moments of inputs and outputs.
+/// A model with a one-frame network, [`View::Moving`] and the trapezoid base. Moments: `mean` of tokens and outputs,
+/// variance `said` of outputs.
 pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
     let form = Form { view: View::Moving, ..Base::Trapezoid.into() };
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
@@ -63,7 +64,7 @@ pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// `n` environments from starts of a seed, after some frames of the truth.
+/// `n` environments from start states of a seed, after some frames of the truth.
 pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start, u64), frames: usize) -> Batch {
     let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
     (0..n).for_each(|env| batch.reset(env, &start(system, begin, &mut stream(seed, env as u64))));
@@ -72,17 +73,17 @@ pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start
     batch
 }
 
-/// Deterministic numbers about 0 of about this size.
+/// Deterministic numbers about 0, of about this size.
 pub fn some(n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
 }
 
-/// The larger of two; NaN counts as the worst.
+/// The larger of two; NaN is the worst.
 pub fn worse(most: f64, off: f64) -> f64 {
     if off > most || off.is_nan() { off } else { most }
 }
 
-/// The largest difference, relative to the largest number.
+/// The largest difference, relative to the largest expected number.
 pub fn worst(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));

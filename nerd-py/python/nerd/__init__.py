@@ -1,4 +1,4 @@
-"""A robot simulator: thousands of robots of any URDF or MJCF, stepped by equations or by a network that learned them.
+"""A robot simulator: thousands of robots of any URDF or MJCF, stepped by equations or by a network trained on them.
 
     import numpy, nerd
 
@@ -30,7 +30,7 @@ __all__ = [
     "vjp",
 ]
 
-# Copies are read from the same files.
+# A copy is read from the same file.
 copyreg.pickle(System, lambda one: (System, (one.source,)))
 copyreg.pickle(Model, lambda one: (Model, (os.fspath(one),)))
 copyreg.pickle(Policy, lambda one: (Policy, (os.fspath(one),)))
@@ -42,7 +42,7 @@ except ModuleNotFoundError as missing:
         raise
 
     def make_vec(*_args, **_kwargs):
-        """Needs Gymnasium."""
+        """Raises ModuleNotFoundError: make_vec needs Gymnasium."""
         raise ModuleNotFoundError('make_vec needs Gymnasium: pip install "nerd[gym]"')
 
 else:

@@ -71,7 +71,7 @@ class Simulation:
         system: System | Name,
         scene: str | None = None,
         n: int = 1,
-        solver: Name = "articulated",
+        solver: Name | None = None,
         device: str = "cpu",
         seed: int = 0,
         xp: ModuleType | None = None,

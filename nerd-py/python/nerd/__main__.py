@@ -5,6 +5,6 @@ import sys
 
 from ._nerd import command
 
-# Python code does not run during a verb, so it would not notice Ctrl-C.
+# No Python code runs during a verb, so Python's handler would not see Ctrl-C.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 sys.exit(command(["python -m nerd", *sys.argv[1:]]))

@@ -1,4 +1,4 @@
-"""Tasks whose environments stay on a card, for learners whose arrays are there, too."""
+"""Tasks with environments on a GPU, for learners with arrays on the same GPU."""
 
 import gymnasium
 import numpy as np
@@ -10,14 +10,15 @@ from .gym import _seed
 
 
 class CardVectorEnv(VectorEnv):
-    """n environments of a task on a card, stepped together; nothing comes over the host.
+    """n environments of a task on a GPU, stepped together; no data pass through the host.
 
-    Actions are float32 [n, action] on the card, by any library that speaks DLPack; beyond -1 to 1 they are clamped. What comes back are
-    arrays of `xp` (torch, jax.numpy, cupy): observations float32 [n, observation], rewards float32 [n], terminated and truncated bool
-    [n]. They are the same memory in every step: copy what you keep. Ended episodes restart in the same step; infos has `final_obs`
-    [n, observation], what was seen before where time ran out, elsewhere as in the observations.
+    Actions are float32 [n, action] on the GPU, from any library with DLPack, and are clamped to [-1, 1]. `step` returns
+    arrays of `xp` (torch, jax.numpy, cupy): observations float32 [n, observation], rewards float32 [n], terminated and
+    truncated bool [n]. They use the same memory in every step, so copy them to keep them. Ended episodes restart in the
+    same step. infos["final_obs"] [n, observation] has the last observation of truncated episodes; its other rows equal
+    the observations.
 
-    Episodes are drawn as on the CPU, and computed in 32 bits.
+    Episodes are drawn as on the CPU, and computed in float32.
     """
 
     def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", xp, family=None):
@@ -32,7 +33,8 @@ class CardVectorEnv(VectorEnv):
         )
 
     def reset(self, *, seed=None, options=None):
-        """The first episodes of a seed, or of one that is drawn."""
+        """Begins the first episodes of a seed; without one, of a random seed. Returns observations [n, observation] and
+        {}."""
         seed = _seed(seed, options)
         super().reset(seed=seed)
         self._task.reset(int(self.np_random.integers(2**63 - 1)) if seed is None else seed)
@@ -40,10 +42,10 @@ class CardVectorEnv(VectorEnv):
 
     def step(self, actions):
         self._task.step(actions)
-        # Taking an array makes its stream wait for the step, and so for the step's reading of the actions.
+        # Taking an array makes its stream wait for the step, and so until the step has read the actions.
         observations, rewards, terminated, truncated, final = map(self._xp.from_dlpack, self._arrays)
         return observations, rewards, terminated, truncated, {"final_obs": final}
 
     def failed(self):
-        """Episodes that the solver could not go on with since this was asked last: they ended without a reward. It waits for the card."""
+        """Episodes ended by solver failures, without reward, since the last call. Waits for the GPU."""
         return self._task.failed()

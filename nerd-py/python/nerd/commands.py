@@ -1,4 +1,4 @@
-"""The command line's verbs as functions. Each is a process of its own, so Ctrl-C ends it, and a run can be gone on with."""
+"""The command line's verbs as functions. Each runs in its own process, so Ctrl-C ends it, and a run can be resumed."""
 
 import json
 import os
@@ -22,19 +22,19 @@ def _word(value):
 
 
 def run(*verb, **options):
-    """A verb with its options, `run("evaluate", robot="ant", solver="neural")`; its tables, by name, each a list of rows.
+    """Runs a verb, as in `run("evaluate", robot="ant", solver="neural")`; returns tables by name, each a list of rows.
 
-    The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4`, `1.2 +- 3.4` and
-    `1.2 ± 3.4` are lists, and `-` and NaN are None. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard
-    error.
+    `trajectories=8` is `--trajectories 8`, `stream=True` is `--stream`, and a list is joined by commas. Messages go to standard
+    error. A row maps columns to cells. The first column holds names. In a column of numbers alone, `2.1` is a number;
+    `1.2 / 3.4`, `1.2 +- 3.4` and `1.2 ± 3.4` are lists; `-` and NaN are None.
 
-    Raises ValueError with the one line that it was refused with.
+    Raises ValueError with the command's error in one line.
     """
     return _run(verb, options)[0]
 
 
 def _run(verb, options):
-    """Its tables, and what it told last."""
+    """Its tables, and its last lines on standard error."""
     words = [_word(word) for word in verb]
     for name, value in options.items():
         if value is None or value is False:
@@ -50,10 +50,10 @@ def _run(verb, options):
                 for line in process.stderr:
                     told.append(line)
                     if not line.startswith("error: "):
-                        sys.stderr.write(line)
+                        sys.stderr.write(_named(line) if line.startswith("note: `--") else line)
                 process.wait()
             except BaseException:
-                # An interrupt here leaves no process that goes on writing.
+                # An interrupt must not leave a process that still writes.
                 process.terminate()
                 process.wait()
                 raise
@@ -69,15 +69,16 @@ def _run(verb, options):
 
 
 def _named(line):
-    """A line that speaks of options as they are called here."""
-    option = r"--(?!help)([a-z]+(?:-[a-z]+)*)(?: <[A-Z-]+>)?"
+    """A line with options in Python's notation."""
+    option = r"--(?!help)([a-z]+(?:-[a-z]+)*)(?: <[^>]+>)?"
     return re.sub(option, lambda found: found[1].replace("-", "_") + "=", line.replace("cargo xtask", "python -m nerd"))
 
 
 def train(robot=None, out=None, **options):
-    """Trains a model of a robot, or from `data=`, or goes on with the run of a folder; see `python -m nerd train --help`. The model.
+    """Trains a model of a robot, or from `data=`, or resumes the run in a folder; see `python -m nerd train --help`.
+    Returns the Model.
 
-    Raises RuntimeError where `minutes=` were over before it was done: the same call goes on.
+    Raises RuntimeError if `minutes=` ran out before the end: the same call resumes. Raises ValueError as `run` does.
     """
     _, told = _run(["train"], {"robot": robot, "out": out, **options})
     stopped = [line for line in told if line.startswith("stopped at update")]
@@ -87,24 +88,28 @@ def train(robot=None, out=None, **options):
 
 
 def train_policy(task, out, robot=None, **options):
-    """Trains a policy, or goes on with the run of a folder; see `python -m nerd policy train --help`. The policy."""
+    """Trains a policy, or resumes the run in a folder; see `python -m nerd policy train --help`. Returns the Policy."""
     run("policy", "train", task, robot=robot, out=out, **options)
     return Policy(Path(out) / "policy")
 
 
 def evaluate(robot=None, **options):
-    """How far a solver, a Model too, drifts from the truth; see `python -m nerd evaluate --help`. Tables as of `run`."""
+    """Measures the drift of a solver or a Model from the truth; see `python -m nerd evaluate --help`. Returns tables as
+    `run` does."""
     if isinstance(options.get("solver"), Model):
         options["model"], options["solver"] = options["solver"], "neural"
     return run("evaluate", robot=robot, **options)
 
 
 def record(folder, system, states, tau, scene=None, about="recorded"):
-    """Writes trajectories as a recording, which `train(data=)`, `evaluate(data=)` and `calibrate` read: `folder`/log.toml and arrays.
+    """Writes trajectories as a recording, `folder`/log.toml with arrays, for `train(data=)`, `evaluate(data=)` and
+    `calibrate`.
 
-    states: float64 [trajectories, rows, nq + nv], one row a frame; tau: float64 [trajectories, rows, joints], each held from its row
-    to the next. The last row's says nothing. system: a System or the name or path of one. scene: a name; None is the one that a
-    Simulation has without a name.
+    states: float64 [trajectories, rows, nq + nv], one row a frame; tau: float64 [trajectories, rows, joints] (N m or
+    N), each held from its row to the next. The last row's tau is unused. system: a System, or its name or path. scene:
+    a name; None means the default scene of a Simulation. Returns the path of log.toml.
+
+    Raises ValueError for other shapes, or for numbers that are not finite.
     """
     import numpy as np
 
@@ -123,10 +128,10 @@ def record(folder, system, states, tau, scene=None, about="recorded"):
         # A state has the twist about the world's origin, a log the velocity of the root's origin.
         arrays["root"] = q[..., :7]
         arrays["root_velocity"] = qd[..., 3:6] + np.cross(qd[..., :3], q[..., :3])
-        arrays["root_angular"] = qd[..., :3]
+        arrays["root_ang_vel"] = qd[..., :3]
         names = lambda array, of: _text([f"{array}.{k}" for k in of])
         lines += ["[root]", f"position = {names('root', range(3))}", f"quaternion = {names('root', range(3, 7))}", 'order = "xyzw"']
-        lines += [f"velocity = {names('root_velocity', range(3))}", f"angular = {names('root_angular', range(3))}", 'axes = "world"']
+        lines += [f"velocity = {names('root_velocity', range(3))}", f"ang_vel = {names('root_ang_vel', range(3))}", 'axes = "world"']
     for k, joint in enumerate(system.joints):
         lines += ["[[joint]]", f"name = {_text(joint)}"]
         lines += [f'position = "position.{k}"', f'velocity = "velocity.{k}"', f'torque = "torque.{k}"']

@@ -1,4 +1,4 @@
-"""Tasks as Gymnasium environments: one at a time (`gymnasium.make("nerd/AntRun-v0")`), or n at once (`nerd.make_vec`)."""
+"""Tasks as Gymnasium environments, single (`gymnasium.make("nerd/AntRun-v0")`) or n at once (`nerd.make_vec`)."""
 
 import os
 
@@ -13,9 +13,12 @@ from ._nerd import System, Task
 def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None, family=None):
     """n environments of a task: "ant-run", or "walk" with robot="go2.xml", or the path of a task's .toml.
 
-    solver: "articulated", "rapier", "neural" or the path of a model's folder. autoreset_mode: Gymnasium's, else that of the next step.
-    family: a robot whose TOML has [vary], of which each environment draws its own. device="cuda" with xp=torch, or another library of
-    arrays, keeps all of it on a card (nerd.card).
+    solver: "articulated", "rapier", "neural" or the path of a model's folder. autoreset_mode: Gymnasium's
+    AutoresetMode; the default is NEXT_STEP. family: a robot whose TOML has [vary]; each environment draws its own
+    robot. device="cuda" with xp=torch, or another array library, keeps observations, actions and rewards on a GPU
+    (nerd.card), with SAME_STEP.
+
+    Raises TypeError or ValueError for arguments that do not fit.
     """
     if str(task).startswith("nerd/"):
         task = gymnasium.spec(task).kwargs["task"]
@@ -54,7 +57,7 @@ def _spaces(task):
 
 
 def _seed(seed, options, *keys):
-    """A seed as Python's own number; what reset() can do nothing with is refused."""
+    """The seed as a Python int, or None. Raises ValueError for unknown options and for other seeds."""
     if options is not None and not (isinstance(options, dict) and options.keys() <= set(keys)):
         found = ", ".join(map(repr, options)) if isinstance(options, dict) else type(options).__name__
         raise ValueError(f"options: {f'a dict with {keys[0]} alone is' if keys else 'none are'} taken; {found} was given")
@@ -66,7 +69,7 @@ def _seed(seed, options, *keys):
 
 
 class _Tasks:
-    """What environments of a task have in common."""
+    """Common parts of a task's environments."""
 
     @property
     def task(self):
@@ -80,17 +83,17 @@ class _Tasks:
 
     @property
     def states(self):
-        """A copy of the present states, [n, nq + nv]; of an ended episode that restarts in the same step the new one's."""
+        """A copy of the present states, float64 [n, nq + nv]; after a restart in the same step, the new starts."""
         return self._task.states
 
     def swap(self, solver):
-        """Goes on with another solver from the same states."""
+        """Continues with another solver from the same states."""
         self._task.swap(solver)
 
     def render(self):
         raise NotImplementedError(_RENDER)
 
-    # With a seed, its first episodes, the same as on the command line; otherwise the next ones.
+    # With a seed, begins its first episodes, as on the command line; otherwise the next ones.
     def _restart(self, seed, mask):
         if seed is None and not self._began:
             seed = int(self.np_random.integers(2**63 - 1))
@@ -106,10 +109,10 @@ class _Tasks:
 class TaskVectorEnv(_Tasks, VectorEnv):
     """n environments of a task, stepped together.
 
-    Observations are float64 [n, observation], actions float64 [n, action] from -1 to 1 (beyond they are clamped). `reset(seed=)` takes
-    one whole number: environment i then goes through the episodes that it has on the command line by `--seed`. In infos `miss` has
-    by how much a step missed what the task asks for, of tasks that say so, `terms` by name what the rewards are made of, and `fault` is
-    true where the solver could not go on: the episode ended, with reward 0.
+    Observations are float64 [n, observation]; actions are float64 [n, action], clamped to [-1, 1]. `reset(seed=)` takes
+    one integer for all environments: environment i then runs the same episodes as on the command line with `--seed`. In
+    infos, `error` is the error of a step in units of the task's tolerance, if the task defines one. `terms` has the
+    reward terms by name. `fault` is true where the solver failed: the episode ended, with reward 0.
     """
 
     def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", autoreset_mode=AutoresetMode.NEXT_STEP, family=None):
@@ -151,17 +154,17 @@ class TaskVectorEnv(_Tasks, VectorEnv):
         numbers = self._task.numbers
         if held.any() and actions.shape == (self.num_envs, self._task.action):
             actions[held] = 0.0
-        rewards, terminated, truncated, observations, misses, faults, terms = self._task.step(actions)
+        rewards, terminated, truncated, observations, errors, faults, terms = self._task.step(actions)
         if held.any():
-            # All are stepped together; those that only begin in this step are begun again.
+            # All environments step together; those that only restart in this step restart again.
             self._task.begin(held, numbers)
             observations[held] = self._task.observations()[held]
-            rewards[held], terminated[held], truncated[held], misses[held], faults[held] = 0.0, False, False, np.nan, False
+            rewards[held], terminated[held], truncated[held], errors[held], faults[held] = 0.0, False, False, np.nan, False
             terms[held] = 0.0
         ended = terminated | truncated
         infos = {}
-        if np.isfinite(misses).any():
-            infos["miss"], infos["_miss"] = misses, np.isfinite(misses)
+        if np.isfinite(errors).any():
+            infos["error"], infos["_error"] = errors, np.isfinite(errors)
         if self._names:
             infos["terms"] = dict(zip(self._names, terms.T))
         if faults.any():
@@ -179,13 +182,13 @@ class TaskVectorEnv(_Tasks, VectorEnv):
 
 
 class TaskEnv(_Tasks, gymnasium.Env):
-    """One environment of a task: observations float64 [observation], actions float64 [action] from -1 to 1."""
+    """One environment of a task: observations float64 [observation], actions float64 [action], clamped to [-1, 1]."""
 
     metadata = {"render_modes": []}
 
     def __init__(self, task, robot=None, solver="articulated", device="cpu", render_mode=None, family=None):
         if render_mode is not None:
-            # A TypeError, after which Stable-Baselines3 asks without it.
+            # After a TypeError, Stable-Baselines3 tries again without render_mode.
             raise TypeError(_RENDER)
         self.render_mode = None
         self._task = Task(task, robot, 1, solver, device, family=family)
@@ -203,16 +206,17 @@ class TaskEnv(_Tasks, gymnasium.Env):
     def step(self, action):
         if not self._began or self._fresh[0]:
             raise gymnasium.error.ResetNeeded("the episode ended, or none began: reset() comes before the next step")
-        rewards, terminated, truncated, observations, misses, faults, terms = self._task.step(np.array(action, np.float64)[None])
+        rewards, terminated, truncated, observations, errors, faults, terms = self._task.step(np.array(action, np.float64)[None])
         self._fresh[:] = terminated | truncated
-        info = {"miss": float(misses[0])} if np.isfinite(misses[0]) else {}
+        info = {"error": float(errors[0])} if np.isfinite(errors[0]) else {}
         info.update({"fault": True} if faults[0] else {})
         info.update({"terms": dict(zip(self._names, terms[0].tolist()))} if self._names else {})
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
 
 def register():
-    """Makes `nerd/AntRun-v0` and so on known: one of each built-in task; of a task for any robot, as `nerd/Walk-v0`, with robot=."""
+    """Registers `nerd/AntRun-v0` and so on: one for each built-in task. Tasks for any robot, such as `nerd/Walk-v0`,
+    need robot=."""
     for task in [*Task.names(), *Task.general()]:
         name = "".join(part.capitalize() for part in task.split("-"))
         gymnasium.register(

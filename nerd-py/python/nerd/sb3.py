@@ -1,4 +1,4 @@
-"""Environments that step together, as Stable-Baselines3 has them."""
+"""A task's environments as a Stable-Baselines3 VecEnv."""
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -9,9 +9,11 @@ from .gym import make_vec
 
 
 class VecEnv(_VecEnv):
-    """n environments of a task, stepped together: VecEnv("ant-run", n=64), VecEnv("walk", robot="go2.xml", n=64); see nerd.make_vec.
+    """n environments of a task, stepped together: VecEnv("ant-run", n=64), VecEnv("walk", robot="go2.xml", n=64); see
+    nerd.make_vec.
 
-    Numbers are float32. Stable-Baselines3's wrappers, VecMonitor and VecNormalize, go around it. `env` is the environment itself.
+    Observations and rewards are float32. It can be wrapped in VecMonitor and VecNormalize. `env` is the Gymnasium
+    environment.
     """
 
     def __init__(self, task, robot=None, n=1, *, solver="articulated", family=None):

@@ -1,4 +1,4 @@
-"""Slopes for PyTorch: a frame of a simulation as a function that gradients go back through."""
+"""Gradients for PyTorch: a frame of a simulation as a differentiable function."""
 
 import torch
 
@@ -23,12 +23,12 @@ class _Step(torch.autograd.Function):
 
 
 def step(simulation, states, tau):
-    """The states [n, nq + nv] a frame after these, under torques [n, joints] (N m or N).
+    """Steps `states` [n, nq + nv] one frame under torques `tau` [n, joints] (N m or N); returns the next states.
 
-    Both are tensors of float64 on the CPU, and so is the result; gradients go back to both. The simulation gives robot, scenes and
-    solver, "articulated" or a model whose network sees one frame; its own states stay as they are.
+    Both are float64 tensors on the CPU, and so is the result; gradients flow to both. The simulation provides robot,
+    scenes and solver, "articulated" or a model whose network sees one frame; its own states do not change.
 
-    Raises TypeError for others.
+    Raises TypeError for other tensors, and ValueError for other shapes or for a solver without gradients.
     """
     for name, given in (("states", states), ("tau", tau)):
         if not isinstance(given, torch.Tensor):

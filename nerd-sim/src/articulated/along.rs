@@ -1,7 +1,8 @@
-//! The implicit step's equations along the tree, in O(n), for robots whose chains are long: cables, hands, humanoids.
+//! Implicit step's equations solved along the tree in O(n), for robots with long chains: cables, hands, humanoids.
 //!
-//! A touch resists the motion of one link or one joint alone. So `(M + h sum J^T D J) qdd = right` is solved as forward dynamics are, with
-//! `h J_x^T D J_x` beside the inertia of the link that a point is on and `h d` beside the armature of a joint ([`TreeFactor`]).
+//! A touch resists the motion of one link or one joint. So `(M + h sum J^T D J) qdd = right` is solved as forward
+//! dynamics by the articulated-body algorithm ([`TreeFactor`]). `h J_x^T D J_x` adds to the inertia of the contact's
+//! link, `h d` to the armature of a joint.
 
 use nalgebra::Matrix6;
 use nerd_core::dynamics::TreeFactor;
@@ -9,13 +10,13 @@ use nerd_core::dynamics::TreeFactor;
 use super::touch::Contact;
 use crate::prelude::*;
 
-/// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
-/// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
+/// Least cost of the matrix's factorisation, in multiplications per DoF, to use the tree. By measurement: quadrupeds
+/// with legs of three joints gain little or lose, humanoids and chains of twenty hinges gain.
 const DEEP: usize = 60;
-/// So many springs are a chain that may whip, however short it is.
+/// Least number of joints with springs in a chain that may whip, however short.
 const CHAIN: usize = 3;
 
-/// Whether implicit steps of a robot are solved along its tree, and whips looked for; otherwise by its matrix.
+/// Whether a robot's implicit steps are solved along its tree, and checked for whips; else by its matrix.
 pub fn along(robot: &Robot) -> bool {
     let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
     let mut depths: Vec<usize> = Vec::new();
@@ -23,21 +24,22 @@ pub fn along(robot: &Robot) -> bool {
     chained(robot) || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
 }
 
-/// Whether a robot is such a chain.
+/// Whether a robot has at least `CHAIN` joints with springs.
 pub(super) fn chained(robot: &Robot) -> bool {
     robot.joints().filter(|j| j.stiffness > 0.0).count() >= CHAIN
 }
 
 pub(super) struct Tree {
     factor: TreeFactor,
-    /// What resists beside the inertias of links, and beside those of joints.
+    /// Implicit resistance, added to the inertias of links and to the armatures of joints.
     links: Vec<Matrix6<f64>>,
     joints: Vec<f64>,
+    /// Contact wrenches on links.
     press: Vec<Wrench>,
 }
 
 impl Tree {
-    /// None for a robot that the matrix is faster for, or that has more in its matrix than its tree says.
+    /// `None` where the matrix is faster, or where the mass matrix is not the tree's (`stand_ins`).
     pub(super) fn new(system: &System) -> Option<Self> {
         let robot = &system.robot;
         let (links, joints) = (robot.links.len(), robot.joint_count());
@@ -49,7 +51,7 @@ impl Tree {
         })
     }
 
-    /// The inverse of the mass matrix alone, for [`Tree::ease`] and [`Tree::eased`].
+    /// Factorises the mass matrix without touches, for [`Tree::inv_mass`] and [`Tree::response`]; `false` if it is singular.
     pub(super) fn plain(&mut self, robot: &Robot, data: &Data) -> bool {
         let sound = self.factor.refill(robot, data, &[], &[]);
         if sound {
@@ -58,25 +60,25 @@ impl Tree {
         sound
     }
 
-    /// w of a joint.
-    pub(super) fn ease(&self, robot: &Robot, joint: usize) -> f64 {
-        self.factor.ease(robot, joint + usize::from(robot.floating()))
+    /// Inverse effective mass w of a joint.
+    pub(super) fn inv_mass(&self, robot: &Robot, joint: usize) -> f64 {
+        self.factor.inv_mass(robot, joint + usize::from(robot.floating()))
     }
 
-    /// w of a contact along its normal.
-    pub(super) fn eased(&self, contact: &Contact) -> f64 {
-        let Contact { normal, x, link, .. } = contact;
-        normal.dot(&self.factor.eased(*link, &Wrench::force_at(*normal, x)).at(x))
+    /// Acceleration (m/s^2) of a contact's point under a force (N) there; needs `plain`.
+    pub(super) fn response(&self, contact: &Contact, force: &Vector3<f64>) -> Vector3<f64> {
+        let Contact { x, link, .. } = contact;
+        self.factor.response(*link, &Wrench::force_at(*force, x)).at(x)
     }
 
-    /// Begins a pass, in which joints resist with so much by themselves.
+    /// Begins a pass with the joints' own implicit resistance.
     pub(super) fn clear(&mut self, shares: &[f64]) {
         self.links.fill(Matrix6::zeros());
         self.joints.copy_from_slice(shares);
         self.press.fill(Wrench::default());
     }
 
-    /// A point that pushes and resists with `h D`, `D = (along - across) n n^T + across`.
+    /// Adds a contact's force and its resistance `h D`, `D = (along - across) n n^T + across`.
     pub(super) fn point(&mut self, contact: &Contact, h: f64) {
         let (force, along, across) = contact.push(h);
         let (link, n, b) = (contact.link, &contact.normal, contact.x.cross_matrix());
@@ -94,16 +96,17 @@ impl Tree {
         add(3, 3, &d);
         self.press[link] += Wrench::force_at(force, &contact.x);
         if contact.turns() {
-            // What resists a turn about each axis.
+            // Resistance to rotation, column by column.
             let axes = Matrix3::identity();
-            let resists = Matrix3::from_columns(&[0, 1, 2].map(|k| -contact.turn_torque(&axes.column(k).into()) * h));
+            let turning = &contact.turning;
+            let resists = Matrix3::from_columns(&[0, 1, 2].map(|k| -turning.resists(n, &axes.column(k).into()) * h));
             let mut view = self.links[link].fixed_view_mut::<3, 3>(0, 0);
             view += resists;
-            self.press[link].ang += contact.turn_torque(&contact.spin);
+            self.press[link].ang += turning.resists(n, &(turning.spin - turning.turn_offset));
         }
     }
 
-    /// A joint that resists with so much.
+    /// Adds to the resistance of a joint.
     pub(super) fn joint(&mut self, joint: usize, resists: f64) {
         self.joints[joint] += resists;
     }
@@ -117,17 +120,17 @@ impl Tree {
         sound
     }
 
-    /// The change of velocity of a point in a second.
+    /// Acceleration `J qdd` (m/s^2) of a link's point in the last solution.
     pub(super) fn at(&self, link: usize, x: &Vector3<f64>) -> Vector3<f64> {
         self.factor.acceleration(link).at(x)
     }
 
-    /// The change of angular velocity of a link in a second.
+    /// Angular acceleration `J qdd` (rad/s^2) of a link in the last solution.
     pub(super) fn spin(&self, link: usize) -> Vector3<f64> {
         self.factor.acceleration(link).ang
     }
 
-    /// The DoF at which there was no solution.
+    /// DoF where the factorisation failed.
     pub(super) fn lost(&self) -> usize {
         self.factor.lost()
     }

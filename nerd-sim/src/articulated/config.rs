@@ -1,11 +1,11 @@
-//! Settings and presets.
+//! Settings and presets of articulated dynamics.
 
 use serde::{Deserialize, Serialize};
 
 use crate::prelude::*;
 use crate::{range::within, system::MOST_SUBSTEPS};
 
-/// Integrator of contact-free environments; those with contact use symplectic Euler.
+/// Integrator of frames without contact; explicit steps with contact are always symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
@@ -15,16 +15,16 @@ pub enum Integrator {
     Rk4,
 }
 
-/// How contact, limits and joint damping act within a substep. A robot with dry friction is stepped implicitly in any case, and a
-/// frame that meets a joint or a friction too stiff for an explicit substep, too.
+/// How contact, joint limits and joint damping are integrated over a substep. Robots with dry friction always take
+/// implicit steps. So does a frame with a joint or a friction too stiff for explicit substeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactStep {
-    /// With their forces at its start, as in the reference: stable only while the substep is short.
+    /// Forces at the substep's start, as in the reference: stable only for short substeps.
     #[default]
     Explicit,
-    /// With forces that look as far ahead as they must, each by itself stable at any length, and of second order. A frame that gives energy is
-    /// stepped again, finer.
+    /// Theta method of second order: each force alone is stable at any substep. A frame that gains energy is repeated
+    /// with more substeps.
     Implicit,
 }
 
@@ -40,11 +40,12 @@ pub enum Friction {
 
 pub(super) struct Settings {
     pub(super) config: ArticulatedConfig,
-    /// Change of a drag, relative, that asks for no other solve of a frame's one substep, and solves at most: see `kick.rs`.
+    /// Relative change of a drag below which no further solve is needed, in a frame of one substep; and the most solves
+    /// of a substep. See `kick.rs`.
     pub(super) settling: (f64, usize),
 }
 
-/// What a frame is asked: `contact` is whether something can touch something.
+/// Inputs of a frame; `contact`: whether there are both colliders and contact points.
 #[derive(Clone, Copy)]
 pub(super) struct Asked<'a> {
     pub(super) system: &'a System,
@@ -58,18 +59,19 @@ pub(super) struct Asked<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ArticulatedConfig {
-    /// Integrator where there is nothing to touch, and no dry friction.
+    /// Integrator of frames without contact, dry friction, springs, drives and self-collision.
     pub integrator: Integrator,
-    /// Substeps a frame in free space, at least 1: of a robot without dry friction, springs and drives, where there is nothing to touch.
+    /// Substeps per frame, at least 1, of the frames that `integrator` steps.
     ///
-    /// It and `contact_substeps` never act in one frame, except that a frame in which a joint turns out too stiff takes the larger of the two.
-    /// So a sweep over one of them alone changes nothing where the other acts; [`Self::moves_as`] tells whether two settings differ.
+    /// `substeps` and `contact_substeps` never act in the same frame; only a frame repeated for a stiff joint takes the
+    /// larger. So a sweep over either changes nothing where the other acts; [`Self::moves_as`] tells whether two
+    /// settings differ.
     pub substeps: usize,
-    /// Substeps a frame everywhere else, at least 1.
+    /// Substeps per frame everywhere else, at least 1.
     pub contact_substeps: usize,
-    /// When the mass matrix is renewed (symplectic Euler only).
+    /// When the mass matrix is recomputed (symplectic Euler only).
     pub refresh: Refresh,
-    /// How contact acts within a substep.
+    /// How contact is integrated over a substep.
     #[serde(default)]
     pub contact_step: ContactStep,
     /// Friction law.
@@ -77,12 +79,12 @@ pub struct ArticulatedConfig {
 }
 
 impl ArticulatedConfig {
-    /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed when it does.
+    /// Reference simulator: symplectic Euler with the specification's substeps and refresh of the mass matrix.
     pub fn paper(system: &System, friction: Friction) -> Self {
         Self { refresh: system.spec.refresh, ..Self::explicit(system.spec.substeps, friction) }
     }
 
-    /// Symplectic Euler with the mass matrix renewed at every substep, with contact or without.
+    /// Symplectic Euler with the mass matrix recomputed at every substep, with contact or without.
     pub fn explicit(substeps: usize, friction: Friction) -> Self {
         Self {
             integrator: Integrator::SymplecticEuler,
@@ -94,35 +96,36 @@ impl ArticulatedConfig {
         }
     }
 
-    /// Stable at few substeps, and of second order: contact, limits and joint damping look ahead. `substeps` are those of contact: in free
-    /// space it is RK4 with four, whatever they are.
+    /// Stable with few substeps, and of second order: theta method for contact, limits and joint damping. `substeps`
+    /// counts contact substeps; free space always takes RK4 with four.
     pub fn implicit(substeps: usize, friction: Friction) -> Self {
         let (integrator, contact_step) = (Integrator::Rk4, ContactStep::Implicit);
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
     }
 
-    /// The truth of models, policies and charts: [`Self::implicit`] with the substeps of the robot's specification.
-    /// What twice as many change is measured (`results/substeps.md` at commit `5ced4b7`).
+    /// Truth of models, policies and charts: [`Self::implicit`] with the substeps of the robot's specification.
+    /// `results/substeps.md` at commit `5ced4b7` measures the change when they are doubled.
     pub fn accurate(system: &System) -> Self {
         Self::implicit(system.spec.substeps, Friction::Coulomb)
     }
 
-    /// As accurate as can be: RK4 with four substeps in free space, [`Self::implicit`] with 128 where there is something to touch.
+    /// Most accurate preset: RK4 with four substeps in free space, [`Self::implicit`] with 128 elsewhere.
     ///
-    /// Four are enough while no joint turns by more than some 0.1 rad in a substep. A light wrist without damping or armature whose
-    /// axes line up spins far faster and wants 64 to 256 (`nerd-sim/tests/articulated/convergence.rs`).
+    /// Four RK4 substeps suffice while no joint turns by more than about 0.1 rad in one. A light wrist with aligned
+    /// axes, without damping or armature, spins far faster and needs 64 to 256
+    /// (`nerd-sim/tests/articulated/convergence.rs`).
     pub fn converged(friction: Friction) -> Self {
         Self::implicit(128, friction)
     }
 
-    /// Whether both move a robot alike: where there is something to touch, or dry friction (`contact`), the implicit step knows no
-    /// more than its own substeps.
+    /// Whether two settings give the same motion. With `contact` (or dry friction) the implicit step depends on
+    /// `contact_substeps` and `friction` alone.
     pub fn moves_as(&self, other: &Self, contact: bool) -> bool {
         let implicit = |c: &Self| (contact && c.contact_step == ContactStep::Implicit).then_some((c.contact_substeps, c.friction));
         self == other || implicit(self).is_some() && implicit(self) == implicit(other)
     }
 
-    /// Refuses numbers of substeps that would do nothing, or never end.
+    /// Refuses numbers of substeps outside their range.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
             within(format_args!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;

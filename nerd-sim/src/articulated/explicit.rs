@@ -6,11 +6,11 @@ use super::{config::Asked, force::force, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
-/// How far (m) beyond its own way in a frame, at twice its speed, a point may come within the frame.
+/// Margin (m) of contact queries that serve a whole frame, beyond twice the distance that a point covers.
 const BEYOND: f64 = 0.1;
 
 impl Workspace {
-    /// A frame of explicit substeps; whether no joint was too stiff for them.
+    /// Steps a frame explicitly; `false` if a joint or a friction was too stiff.
     pub(super) fn explicit(&mut self, asked: &Asked, state: &mut [f64]) -> Result<bool, String> {
         let Asked { system, scene, config, contact, .. } = *asked;
         let robot = &system.robot;
@@ -28,16 +28,16 @@ impl Workspace {
             to_world(robot, q, qd);
             return Ok(true);
         }
-        // The origin stays where the root stood, all through the frame, so that a mass matrix kept for a frame belongs to
-        // one origin: then any origin gives the same motion, the world's too, which the reference has.
+        // The origin stays at the root's first position throughout the frame, so a kept mass matrix shares it with the
+        // forces. Any origin then gives the same motion, also the world's, which the reference has.
         let origin = root_position(robot, q);
         move_twist(robot, &origin, qd);
         for substep in 0..substeps {
             let renew = substep == 0 || config.refresh == Refresh::Substep;
             kinematics_about(robot, q, &origin, &mut self.data);
             if contact {
-                // A plane is the same plane all through a frame; other shapes are looked at once a frame and held
-                // as the planes they present, as the reference does, unless the matrix is renewed every substep.
+                // A plane stays the same throughout a frame. Other shapes are queried once a frame and held as tangent
+                // planes, as in the reference. If the matrix is renewed every substep, so are the queries.
                 if renew {
                     let held = config.refresh == Refresh::Frame;
                     let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
@@ -56,8 +56,8 @@ impl Workspace {
         Ok(true)
     }
 
-    /// Contact wrenches into `data.external`, this share of their forces to those of the frame; whether no friction is too stiff for a
-    /// substep of `dt`.
+    /// Writes contact wrenches to `data.external`, and adds `share` of their forces to the frame's. `false` if a
+    /// friction is too stiff for a substep of `dt`.
     fn press(&mut self, asked: &Asked, qd: &[f64], dt: f64, share: f64) -> bool {
         let Asked { system, scene, config, .. } = *asked;
         let robot = &system.robot;
@@ -75,7 +75,7 @@ impl Workspace {
                     velocities(robot, qd, &mut self.data);
                     moving = true;
                 }
-                // What resists turns holds at once, as dry friction does.
+                // Torsional and rolling friction stick, so they need the implicit step, as dry friction does.
                 if material.torsion > 0.0 || material.rolling > 0.0 || self.stiff.drags(*owner, material.friction_damping, dt) {
                     return false;
                 }
@@ -89,7 +89,7 @@ impl Workspace {
         true
     }
 
-    /// `data.qdd = M^-1 (tau + limits - damping - bias)`; whether no joint is too stiff for a substep of `dt`.
+    /// `data.qdd = M^-1 (tau + limits - damping - bias)`; `false` if a joint is too stiff for a substep of `dt`.
     fn accelerate(&mut self, asked: &Asked, q: &[f64], qd: &[f64], renew: bool, (dt, by): (f64, Integrator)) -> Result<bool, String> {
         let Asked { system: System { robot, .. }, scene, tau, .. } = *asked;
         if renew {
@@ -125,8 +125,8 @@ impl Workspace {
         Ok(true)
     }
 
-    /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after. Whether
-    /// no joint was too stiff.
+    /// Classical Runge-Kutta over (q, qd), with the pose's rate from the velocity; the quaternion is normalised at the
+    /// end. `false` if a joint was too stiff.
     fn runge_kutta(&mut self, asked: &Asked, state: &mut [f64], dt: f64) -> Result<bool, String> {
         let robot = &asked.system.robot;
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
@@ -166,7 +166,7 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
     if robot.floating() {
         let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
         out[..3].copy_from_slice(v.as_slice());
-        let spin = nalgebra::Quaternion::from_imag(w) * nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]) * 0.5;
+        let spin = nalgebra::Quaternion::from_imag(w) * raw_quaternion(&q[3..]) * 0.5;
         out[3..7].copy_from_slice(spin.coords.as_slice());
         out[nq + 3..nq + 6].copy_from_slice((vector(&qdd[3..6]) + w.cross(&v)).as_slice());
     }

@@ -1,19 +1,21 @@
-//! Finds what acts in a substep of the implicit step: contacts, dry friction, drives, joints beyond their limits.
+//! Collects the touches of an implicit substep: contacts, dry friction, drives, joints beyond their limits.
 
 use nerd_core::dynamics::velocities;
 
 use super::touch::{Contact, DryFriction, Spring, Touch, inside, part_of};
+use super::turning::{Turning, gyration};
 use super::{touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
 impl Workspace {
-    /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
+    /// Finds all points and joints that are beyond their surface or limit during any part of the substep. Pose and
+    /// kinematics are at its middle.
     pub(super) fn find(&mut self, system: &System, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
         let (robot, materials) = (&system.robot, &self.materials);
         velocities(robot, qd, &mut self.data);
-        // A point that falls by this distance (m) may land within the substep although it would not at its present velocity.
+        // Gravity may land a point within this distance (m), although its present velocity would not.
         let fall = h * h * scene.gravity.norm();
-        let Touches { touches, columns, tree, pull, eventful, .. } = &mut self.touches;
+        let Touches { touches, columns, tree, pull, may_gain_energy, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
         let (data, dofs) = (&self.data, robot.root_dofs());
@@ -33,10 +35,14 @@ impl Workspace {
             let middle = n.dot(&(x - (event.p1 - data.origin))) - whole.margin;
             let way = 0.5 * h * n.dot(&velocity);
             let Some((part, gap)) = inside(middle, way) else {
-                *eventful |= middle - way.abs() < fall;
+                *may_gain_energy |= middle - way.abs() < fall;
                 continue;
             };
-            *eventful |= !point.locus.is_fixed();
+            *may_gain_energy |= !point.locus.is_fixed();
+            let mut turning = Turning::default();
+            if whole.torsion > 0.0 || whole.rolling > 0.0 {
+                (turning.spin, turning.gyration) = (data.velocity[point.link].ang, gyration(&robot.links[point.link]));
+            }
             let start = columns.len();
             if tree.is_none() {
                 above(robot, data, point.link, &x, columns);
@@ -55,17 +61,19 @@ impl Workspace {
                 velocity,
                 start: velocity,
                 turn: Vector3::zeros(),
-                ahead: [0.0; 3],
-                across: 0.0,
-                spin: data.velocity[point.link].ang,
-                turning: [0.0; 2],
+                theta: [0.0; 3],
+                dampers: [[0.0; 2]; 2],
+                drag: 0.0,
+                slip_offset: Vector3::zeros(),
+                slip_offset_start: Vector3::zeros(),
+                turning,
                 parted: false,
                 force: Vector3::zeros(),
             }));
         }
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
         for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0) {
-            touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], across: 0.0 }));
+            touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], drag: 0.0 }));
         }
         for ((joint, modelled), drive) in robot.joints().enumerate().zip(&self.drives) {
             let (x, v) = (q[robot.root_coords() + joint], qd[dofs + joint]);
@@ -78,7 +86,7 @@ impl Workspace {
                 middle: x - drive.target,
                 gap: x - drive.target,
                 rate: v - drive.speed,
-                ahead: [0.0; 2],
+                theta: [0.0; 2],
             };
             touches.push(Touch::Drive { spring, bounds: drive.bounds(modelled, v), held: None });
         }
@@ -91,18 +99,17 @@ impl Workspace {
                 let middle = side * (x - end);
                 let Some((part, gap)) = inside(middle, 0.5 * h * rate) else { continue };
                 let (stiffness, damping) = (part * limit.stiffness, part * limit.damping);
-                let ahead = [0.0; 2];
-                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, middle, gap, rate, ahead }));
+                let theta = [0.0; 2];
+                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, middle, gap, rate, theta }));
             }
         }
     }
 }
 
-/// Adds the columns of the Jacobian of a link's place `x` (from the root), by DoF.
+/// Appends the columns of the Jacobian of a link's point `x` (m, from `data.origin`), each with its DoF.
 #[inline]
 pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, columns: &mut Vec<(usize, Vector3<f64>)>) {
-    let mut next = Some(link);
-    while let Some(i) = next {
+    for i in robot.ancestors(link) {
         if robot.links[i].joint.is_some() {
             columns.push((data.dof[i], data.axis[i].at(x)));
         } else {
@@ -111,11 +118,11 @@ pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, c
                 columns.push((3 + k, Vector3::ith(k, 1.0)));
             }
         }
-        next = robot.links[i].parent;
     }
 }
 
-/// Where a point that roams over its link is in the link's frame; none where it does not come down in half a substep, wherever it is.
+/// Place in the link's frame of a contact point with a moving locus; `None` if no place of the locus comes down within
+/// `half` a substep (s).
 #[inline(never)]
 fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, half: f64) -> Option<Vector3<f64>> {
     let (rotation, twist, n, reach) = (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());

@@ -1,13 +1,14 @@
 //! The compliant contact model of the reference simulator.
 //!
-//! At a point of radius r, gap `g = n . (x - p1)` with `x = p0 - r n`, active for `g < 0`. With the velocity v of the
-//! body at x, `v_n = n . v`, `v_t = v - v_n n`: normal force `N = max(0, -(k_e g + k_d v_n))` along n, with `k_e` times `release` for k_d where `v_n > 0`; friction
-//! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with
-//! `s = |v_t|^2 / 2` up to 1 m/s and `|v_t| - 1/2` above (Huber). Both are dissipative; no restitution, no adhesion.
+//! A contact point of radius r has the gap `g = n . (x - p1)` with `x = p0 - r n`, and acts for `g < 0`. The body moves
+//! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is
+//! `N = max(0, -(k_e g + k_d v_n))`; where `v_n > 0`, `k_e` times `release` takes the place of `k_d`. Friction is
+//! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with `s = |v_t|^2 / 2` up to 1 m/s and
+//! `|v_t| - 1/2` above (Huber). Both are dissipative; no restitution, no adhesion.
 
 use crate::prelude::*;
 
-/// Force (N) on the body at gap `gap < 0` (m), normal `n`, point velocity `v` (m/s).
+/// Force (N) on the body at gap `gap < 0` (m), normal `n` and point velocity `v` (m/s).
 #[inline]
 pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, friction: Friction) -> Vector3<f64> {
     let vn = n.dot(v);
@@ -17,16 +18,16 @@ pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, 
     n * normal - slip * drag(normal, speed, material, friction)
 }
 
-/// Friction over slip (N s/m), `min(k_f s, mu N) / s`, at normal force `normal` (N) and slip `speed` (m/s).
+/// Drag of friction (N s/m), `min(k_f s, mu N) / s`, at normal force `normal` (N) and slip `speed` (m/s).
 #[inline]
 pub fn drag(normal: f64, speed: f64, material: &Material, friction: Friction) -> f64 {
     let limit = material.friction * normal;
     let (size, _) = size(speed, friction);
-    // Without dividing by a vanishing slip.
+    // Avoids a division by zero slip.
     if material.friction_damping * size <= limit { material.friction_damping } else { limit / size }
 }
 
-/// Size of a slip, and its slope.
+/// Size s of a slip, and its derivative with respect to the speed.
 #[inline]
 fn size(speed: f64, friction: Friction) -> (f64, f64) {
     match friction {
@@ -36,28 +37,28 @@ fn size(speed: f64, friction: Friction) -> (f64, f64) {
     }
 }
 
-/// [`drag`] and its slopes.
+/// [`drag`] and its derivatives.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Drag {
     pub(super) value: f64,
     pub(super) by_normal: f64,
     pub(super) by_speed: f64,
-    /// By `friction_damping` and by `friction`.
+    /// With respect to `friction_damping` and to `friction`.
     pub(super) by_damping: f64,
     pub(super) by_friction: f64,
 }
 
 impl Drag {
-    /// A normal force below zero is none.
+    /// At a normal force (N); below zero there is none.
     pub(super) fn of(normal: f64, speed: f64, material: &Material, friction: Friction) -> Self {
         let value = drag(normal.max(0.0), speed, material, friction);
-        let (size, slope) = size(speed, friction);
+        let (size, gradient) = size(speed, friction);
         if material.friction_damping * size <= material.friction * normal {
             return Self { value, by_damping: 1.0, ..Self::default() };
         }
         if normal <= 0.0 {
             return Self { value, ..Self::default() };
         }
-        Self { value, by_normal: material.friction / size, by_speed: -value * slope / size, by_friction: normal / size, by_damping: 0.0 }
+        Self { value, by_normal: material.friction / size, by_speed: -value * gradient / size, by_friction: normal / size, by_damping: 0.0 }
     }
 }

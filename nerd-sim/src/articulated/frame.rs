@@ -1,6 +1,6 @@
-//! One frame of one environment: explicit substeps, or implicit ones where they are asked for or something is too stiff.
+//! One frame of one environment: explicit substeps, or implicit ones where they are configured or a force is too stiff.
 
-use super::energy::{FINEST, ROUGHEST, WHIRL_RK4};
+use super::energy::{FAST_TURN_RK4, MAX_REFINED, MAX_REFINED_TERRAIN};
 use super::spin::turns;
 use super::{config::Asked, config::Settings, kept::Kept, stiff::Bounds, workspace::Workspace};
 use crate::drive::servos;
@@ -48,7 +48,7 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// A frame that gives no energy.
+    /// Steps a frame; repeats it with more substeps until it gains no energy.
     fn watched(&mut self, system: &System, scene: &Scene, settings: &Settings, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let config = &settings.config;
         self.settling = settings.settling;
@@ -60,7 +60,7 @@ impl Workspace {
             self.materials.begin(system, scene);
             let most = robot.contact_points.len() * scene.colliders.len();
             self.events.clear();
-            // As many again are held for a moment while the covered ones are left out.
+            // Events of one more point are held for a moment while covered ones are removed.
             self.events.reserve(most + scene.colliders.len());
             self.owners.clear();
             self.owners.reserve(most);
@@ -68,22 +68,34 @@ impl Workspace {
         }
         self.start.copy_from_slice(state);
         let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty();
-        let finest = if scene.uneven() { ROUGHEST } else { FINEST };
-        let (mut finer, mut eventful) = (Asked { system, scene, config: *config, contact, tau }, false);
+        // From face to face of a shape or a field the distance jumps, and the spring's energy with it.
+        let mut may_gain_energy = contact && scene.colliders.iter().any(|c| c.plane.is_none());
+        let mut finer = Asked { system, scene, config: *config, contact, tau };
         loop {
-            self.touches.even = finer.config != *config;
+            (self.touches.mean_theta, self.touches.velocity_factor) = (finer.config != *config, 1.0);
             let done = self.attempt(&finer, state);
-            eventful |= self.touches.eventful;
+            let lost = done.is_err() || state.iter().any(|x| !x.is_finite());
+            may_gain_energy |= self.touches.may_gain_energy;
             let substeps = finer.config.substeps.max(finer.config.contact_substeps);
-            if !watched || substeps >= if done.is_ok() { finest } else { FINEST } {
+            let rough = scene.uneven() && self.forces.iter().any(|force| *force != Vector3::zeros());
+            let finest = if rough { MAX_REFINED_TERRAIN } else { MAX_REFINED };
+            if !watched || lost && substeps >= MAX_REFINED {
                 return done;
             }
-            let times = match done {
-                Ok(()) if eventful => self.refine(&finer, state, substeps, finest)?,
-                Ok(()) => 1,
-                Err(_) => 2,
+            let (times, left) = if lost {
+                (2, 1.0)
+            } else if may_gain_energy {
+                self.refine(&finer, state, substeps, finest)?
+            } else {
+                (1, 1.0)
             };
             if times == 1 {
+                if left == 0.0 {
+                    state.copy_from_slice(&self.start);
+                    self.kept.iter_mut().for_each(Kept::begin);
+                }
+                state[robot.nq()..].iter_mut().for_each(|v| *v *= left);
+                self.touches.velocity_factor = left;
                 return done;
             }
             finer.config.substeps *= times;
@@ -92,37 +104,35 @@ impl Workspace {
         }
     }
 
-    /// Dry friction is stiff at rest, and a spring, a drive or a link on another may be: the implicit step alone holds them.
-    fn stays_implicit(&self, system: &System) -> bool {
-        system.held() || !self.drives.is_empty()
-    }
-
-    /// A frame by the steps that it asks for.
+    /// Steps a frame once: implicitly where necessary or configured, else explicitly unless a force is too stiff.
     fn attempt(&mut self, asked: &Asked, state: &mut [f64]) -> Result<(), String> {
         let Asked { system, config, contact, .. } = *asked;
         let robot = &system.robot;
         let begin = |own: &mut Self| {
             own.data.external.fill(Wrench::default());
             own.forces.fill(Vector3::zeros());
-            (own.touches.work, own.touches.eventful) = ((0.0, 0.0), false);
+            (own.touches.work, own.touches.may_gain_energy) = ((0.0, 0.0), false);
             own.kept.iter_mut().for_each(Kept::begin);
         };
         begin(self);
-        if self.stays_implicit(system) || contact && config.contact_step == ContactStep::Implicit {
+        // Only the implicit step can hold dry friction, which is stiff at rest, springs, drives and self-collision.
+        if system.held() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(asked, config.contact_substeps, state);
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
         let (h, rates) = (system.frame_time / config.substeps as f64, &state[robot.nq()..]);
-        self.touches.eventful = rates[robot.root_dofs()..].iter().any(|v| v.abs() * h > WHIRL_RK4);
+        self.touches.may_gain_energy = rates[robot.root_dofs()..].iter().any(|v| v.abs() * h > FAST_TURN_RK4);
         let mut finer = *asked;
         if robot.floating() && !contact && config.integrator == Integrator::Rk4 {
-            finer.config.substeps *= turns(h * vector(rates).norm());
+            let turns = turns(h * vector(rates).norm());
+            self.touches.may_gain_energy |= turns > 1;
+            finer.config.substeps *= turns;
         }
         if self.explicit(&finer, state)? {
             return Ok(());
         }
-        // A damper, a limit or a friction was met that no explicit substep of this length can bear.
+        // A damper, limit or friction is too stiff for explicit substeps of this length.
         state.copy_from_slice(&self.start);
         begin(self);
         self.implicit(asked, config.substeps.max(config.contact_substeps), state)

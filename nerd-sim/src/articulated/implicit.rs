@@ -1,49 +1,54 @@
-//! A substep h of second order, with contact, limits and joint damping looking ahead so that each by itself is stable at any
-//! length.
+//! Implicit substep of second order: contact, limits and joint damping by the theta method, each force stable alone.
 //!
-//! Half a drift, a kick with the forces found there, half a drift (leapfrog). A spring, damper or friction of a touch sees
-//! the velocity `v + a (v' - v)` between the substep's start and its end, and a spring the gap `g + a h (v' - v)`, each with
-//! its own share a: a quarter for a spring, the mean of the gaps at both ends, which keeps its energy, and half for a damper while that is
-//! stable, more as they grow stiff for the touch's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
+//! Leapfrog: half a drift, a kick with the forces at the middle, half a drift. A touch is a contact, a limit, a drive
+//! or dry friction. Its damper and drag see the velocity `v + theta (v' - v)` between the substep's start and end; its
+//! spring sees the gap `g + theta h (v' - v)`. A spring's theta is 1/4, which takes the mean of the gaps at both ends
+//! and keeps its energy. A damper's theta is 1/2. Both grow where the force is too stiff for the touch's own inertia,
+//! `1 / w = 1 / n^T J M^-1 J^T n`:
 //!
 //! ```text
-//! spring a = max(1/4, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
-//! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
-//! f = -(k g + d min(v_n, 0)) n - c v_t,    v = J qd - h/2 J_dot qd,    v' - v = h (J qdd + w x p_dot + J_dot qd)
+//! theta_k = max(1/4, 1/2 - 1 / (2 h^2 k w)),   theta_d = max(1/2, 1 - 1 / (h d w)),   theta_c of the drag c likewise
+//! (M + h sum J^T D J) qdd = tau - bias + sum J^T (f - D u),   u = h (w x p_dot + J_dot qd)
+//! D = (theta_k h k + theta_d d) n n^T + theta_c c (1 - n n^T),   f = -(k g + d v_n) n - c (v_t - s_0)
+//! v = J qd - h/2 J_dot qd,   v' - v = h J qdd + u
 //! ```
 //!
-//! Places and J are those of the middle. A free root's `qdd` is its spatial acceleration; its velocity `p_dot` changes by that and `w x p_dot`,
-//! so a ball that rolls, with the spatial acceleration `-w x p_dot`, expects no change. Without the second term each contact would expect to
-//! be thrown upward. `J_dot qd` is what the velocity of a touching place x changes by as it moves, `a + w_dot x x + w x x_dot` of its link
-//! at zero `qdd`, less `w x p_dot`: x moves with the centre of a ball, with a corner, round the rim of a disc. A force that looks to the
-//! middle, a = 1/2, sees nothing of it; one that looks to the end, as stiff friction does, would hold what slides in the middle's axes,
-//! and a coin that wobbles would be driven by its friction.
+//! Places and J are taken at the middle. The damping d holds while a point approaches; while it parts, d is k times the
+//! material's `release`. The velocity that the damper sees decides, found by iteration. Friction holds with its last
+//! force through the slip offset `s_0` (`stick.rs`). A free root's `qdd` is its spatial acceleration; its velocity
+//! `p_dot` changes by that plus `w x p_dot`. So a rolling ball, with spatial acceleration `-w x p_dot`, expects no
+//! change of `p_dot`. Without `w x p_dot` each contact would expect an upward motion. `J_dot qd` is the rate of change
+//! of a touching place's velocity at zero `qdd`, `a + w_dot x x + w x x_dot` of its link, less `w x p_dot`. The place x
+//! moves with the centre of a ball, with a corner, or round the rim of a disc. At theta 1/2 `J_dot qd` cancels. Stiff
+//! friction has theta near 1: without `J_dot qd` it would stop slip along the middle's axes, and drive a wobbling coin.
 //!
-//! The gap g is the mean over that part of the substep in which the point is inside, and k, d, c act with that part only,
-//! so that it matters little where in a substep a point lands. The drag c is the law's at the velocity seen, found by
-//! repetition. A point that would pull has parted; it is dropped and the system solved again. A joint beyond its limit is a
-//! touch without friction that may pull; its own damper always acts, with the share that makes a damper alone exact,
-//! `a = 1 / (1 - exp(-z)) - 1 / z`, where `z = h d w` is beyond 1. A joint's dry friction rubs under a constant force, and holds up to 1 mm/s of
-//! creep. A joint's spring, `z = h^2 k w`, is damped by `h k min(z, 1/2)` at least: what a substep is too long to follow would ring for ever, and
-//! shake what it can follow. That is of third order in h, and nothing beside a damper that lets the spring come to rest. A drive
-//! ([`crate::drive`]) may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the
-//! tree's zeros and the factorisation its cost. A frame that gives energy is stepped again, finer (`energy.rs`). Where chains are long, the same equations are solved along the tree (`along.rs`).
+//! The gap g is the mean over the part of the substep that the point spends inside. k and d, and c unless it sticks,
+//! are scaled by that part, so the instant of landing matters little. The drag c is the friction law's at the slip
+//! seen, found by iteration. A point that would pull has parted: it is dropped and the system solved again. A joint
+//! beyond its limit is a touch without friction that may pull. A joint's own damper always acts. Its theta is 1/2 up to
+//! `z = h d w` of 1, and beyond it is `1 / (1 - exp(-z)) - 1 / z`, exact for a lone damper. A joint's dry friction is a
+//! constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps. A joint's spring too stiff for the substep,
+//! `z = h^2 k w`, would ring forever and shake the rest. It is damped by at least `h k min(z, 1/2)`. This damping is of
+//! third order in h, and a damper that lets the spring come to rest outweighs it. A drive ([`crate::drive`]) may pull,
+//! until its effort makes its force constant. A touch couples only the joints above it, so the matrix keeps the tree's
+//! zeros and the factorisation its cost. A frame that gains energy is repeated with more substeps (`energy.rs`). For
+//! long chains the same equations are solved along the tree (`along.rs`).
 
-use nerd_core::dynamics::{crba, inertias, to_local, to_world};
+use nerd_core::dynamics::{crba, drift, inertias, to_local, to_world};
 
 use super::spin::{centre, stand};
-use super::touch::{Contact, EVEN, Touch, ahead};
-use super::{config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use super::touch::{Contact, MEAN_THETA, Touch, spring_theta};
+use super::{config::Asked, energy::FAST_TURN, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
-/// Largest share of `h k` by which a joint's spring is damped.
-pub(super) const CALM: f64 = 0.5;
-/// How often a substep is halved at most.
-pub(super) const HALVINGS: usize = 6;
+/// Largest added damping of a joint's spring, in units of `h k`.
+pub(super) const MAX_SPRING_DAMPING: f64 = 0.5;
+/// Most halvings of a substep.
+pub(super) const MAX_HALVINGS: usize = 6;
 
 impl Workspace {
-    /// A frame of so many substeps; contacts are looked for in each.
+    /// Steps a frame; contacts are queried in each of its substeps.
     pub(super) fn implicit(&mut self, asked: &Asked, substeps: usize, state: &mut [f64]) -> Result<(), String> {
         let Asked { system, scene, .. } = *asked;
         let robot = &system.robot;
@@ -55,14 +60,14 @@ impl Workspace {
         let (settled, passes) = self.settling;
         let all = Substep { asked, settled: settled / substeps as f64, passes, h };
         for substep in 0..substeps {
-            self.substep(&all, substep == 0, HALVINGS, q, qd)?;
+            self.substep(&all, substep == 0, MAX_HALVINGS, q, qd)?;
         }
         to_world(robot, q, qd);
         centre(robot, q, -1.0);
         Ok(())
     }
 
-    /// One substep, in halves if it is too long to be solved.
+    /// One substep, or two halves where the solve finds no middle velocity.
     fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
         let (Asked { system, scene, config, .. }, h) = (*own.asked, own.h);
         let robot = &system.robot;
@@ -75,7 +80,7 @@ impl Workspace {
         self.query(system, scene, qd, h, h * h * scene.gravity.norm()).map_err(|lost| gone(system, q).unwrap_or(lost))?;
         self.find(system, scene, q, qd, h);
         if !system.folds.is_empty() {
-            self.touches.eventful |= fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
+            self.touches.may_gain_energy |= fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
             Some(_) => inertias(robot, &mut self.data),
@@ -85,8 +90,8 @@ impl Workspace {
         if self.touches.shared != h {
             self.damp(robot, h)?;
         }
-        self.weigh(robot, h, config.friction)?;
-        // The first substep of a frame knows no rate yet, and finds its middle by a second solve.
+        self.set_thetas(robot, h, config.friction)?;
+        // In a frame's first substep no rate is known: a second solve corrects its middle.
         if first {
             self.touches.rate.fill(0.0);
         }
@@ -102,30 +107,31 @@ impl Workspace {
         }
         self.touches.drive(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
-        self.touches.eventful |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > WHIRL);
+        self.touches.may_gain_energy |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > FAST_TURN);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
         self.touches.tell(h / system.frame_time, &mut self.forces);
+        self.touches.hold();
         drift(robot, q, qd, half);
         Ok(())
     }
 
-    /// Dampings of the joints, and what they and their springs resist with.
+    /// Computes each joint's damping, and the implicit resistance of its damper and spring.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.shared = h;
         for (i, joint) in robot.joints().enumerate() {
             let mut w = 0.0;
             if Damped::weighed(joint, h, self.stiff.bounds.least[i]) {
                 self.plain(robot)?;
-                w = self.ease(robot, i);
+                w = self.inv_mass(robot, i);
             }
             let damped = Damped::of(joint, h, w);
-            self.touches.braked[i] = damped.braked;
+            self.touches.damping_used[i] = damped.damping_used;
             self.touches.shares[i] = damped.share;
         }
         Ok(())
     }
 
-    /// The inverse of the mass matrix alone, if it is not there yet.
+    /// Factorises the mass matrix without touches, unless done already.
     fn plain(&mut self, robot: &Robot) -> Result<(), String> {
         if std::mem::replace(&mut self.touches.plain, true) {
             return Ok(());
@@ -137,40 +143,44 @@ impl Workspace {
         if sound { Ok(()) } else { Err(self.factor.fault_at(robot, lost)) }
     }
 
-    /// w of a joint, by the inverse that [`Self::plain`] has made.
-    fn ease(&mut self, robot: &Robot, joint: usize) -> f64 {
-        let Touches { right, tree, .. } = &mut self.touches;
+    /// w of a joint; needs [`Self::plain`].
+    fn inv_mass(&mut self, robot: &Robot, joint: usize) -> f64 {
+        let Touches { alone, tree, .. } = &mut self.touches;
         if let Some(tree) = tree {
-            return tree.ease(robot, joint);
+            return tree.inv_mass(robot, joint);
         }
         let k = robot.root_dofs() + joint;
-        right[..k].fill(0.0);
-        right[k] = 1.0;
-        self.factor.ease(k, right)
+        alone[..k].fill([0.0].into());
+        alone[k] = [1.0].into();
+        self.factor.inv_mass(k, alone).x
     }
 
-    /// w of a contact along its normal.
-    fn eased(&mut self, contact: &Contact) -> f64 {
-        let Touches { columns, right, tree, .. } = &mut self.touches;
-        if let Some(tree) = tree {
-            return tree.eased(contact);
-        }
-        let (mut last, columns) = (0, &columns[contact.columns.clone()]);
-        right.fill(0.0);
-        for (k, a) in columns {
-            // Joints that follow one share its column.
-            right[*k] += contact.normal.dot(a);
-            last = last.max(*k);
-        }
-        self.factor.ease(last, right)
+    /// w of a contact along its normal, and the sum of w over both tangential directions; needs `plain`.
+    fn inv_masses(&mut self, contact: &Contact) -> (f64, f64) {
+        let Touches { columns, rows, tree, .. } = &mut self.touches;
+        let w = if let Some(tree) = tree {
+            Matrix3::from_columns(&[0, 1, 2].map(|k| tree.response(contact, &Vector3::ith(k, 1.0))))
+        } else {
+            let (mut last, columns) = (0, &columns[contact.columns.clone()]);
+            rows.fill(Vector3::zeros());
+            for (k, a) in columns {
+                // Mimic joints share a column.
+                rows[*k] += a;
+                last = last.max(*k);
+            }
+            self.factor.inv_mass(last, rows)
+        };
+        let along = contact.normal.dot(&(w * contact.normal));
+        (along, w.trace() - along)
     }
 
-    /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
-    fn weigh(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
+    /// Chooses theta of each spring, damper and drag for stability, from the touch's own inertia
+    /// `1 / w = 1 / n^T J M^-1 J^T n`.
+    fn set_thetas(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
         let mut touches = std::mem::take(&mut self.touches.touches);
         for touch in &mut touches {
             if let Touch::Friction(dry) = touch {
-                dry.across = dry.drag(dry.rate, friction);
+                dry.drag = dry.drag(dry.rate, friction);
             }
             let Some(index) = touch.index() else { continue };
             let w = match self.touches.weights[index] {
@@ -178,27 +188,39 @@ impl Workspace {
                 None => {
                     self.plain(robot)?;
                     let w = match touch {
-                        Touch::Contact(contact) => self.eased(contact),
-                        Touch::Limit(spring) | Touch::Drive { spring, .. } => self.ease(robot, spring.joint),
+                        Touch::Contact(contact) => {
+                            let (along, across) = self.inv_masses(contact);
+                            self.touches.slides[contact.index].0 = across;
+                            along
+                        }
+                        Touch::Limit(spring) | Touch::Drive { spring, .. } => self.inv_mass(robot, spring.joint),
                         Touch::Friction(_) => 0.0,
                     };
                     *self.touches.weights[index].insert(if w > 0.0 { w } else { f64::INFINITY })
                 }
             };
-            // Beyond its surface for a part of the substep, if its gap at one end is positive.
-            self.touches.eventful |= match touch {
+            // Beyond the surface for only a part of the substep: the gap at one end is positive.
+            self.touches.may_gain_energy |= match touch {
                 Touch::Contact(contact) => contact.gap + 0.5 * h * contact.normal.dot(&contact.velocity).abs() > 0.0,
                 Touch::Limit(spring) => spring.gap + 0.5 * h * spring.rate.abs() > 0.0,
                 Touch::Drive { .. } | Touch::Friction(_) => false,
             };
             match touch {
-                Touch::Contact(contact) => contact.weigh(w, h, friction),
-                Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.weigh(w, h),
+                Touch::Contact(contact) => {
+                    let (across, held) = &self.touches.slides[contact.index];
+                    contact.set_thetas(w, *across, held, h, friction);
+                    // A spring too stiff to be resolved gains no energy alone; several on one body may.
+                    self.touches.may_gain_energy |= contact.theta[0] > MEAN_THETA;
+                }
+                Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.set_thetas(w, h),
                 Touch::Friction(_) => {}
             }
             match touch {
-                Touch::Contact(contact) if self.touches.even => contact.ahead = [EVEN, 0.5, 0.5],
-                Touch::Limit(spring) if self.touches.even => spring.ahead = [EVEN, 0.5],
+                Touch::Contact(contact) if self.touches.mean_theta => {
+                    contact.theta = [MEAN_THETA, 0.5, 0.5];
+                    contact.dampers.iter_mut().for_each(|damper| damper[1] = 0.5);
+                }
+                Touch::Limit(spring) if self.touches.mean_theta => spring.theta = [MEAN_THETA, 0.5],
                 _ => {}
             }
         }
@@ -207,56 +229,43 @@ impl Workspace {
     }
 }
 
-/// A joint's damping, and what its damper and spring resist with.
+/// A joint's damping, and the implicit resistance of its damper and spring.
 pub(super) struct Damped {
-    pub(super) braked: f64,
+    pub(super) damping_used: f64,
     pub(super) share: f64,
 }
 
 impl Damped {
-    /// Whether a joint of at least so much inertia asks for its w; 0 is as good else.
+    /// Whether a joint with an inertia of at least `least` needs its w. If not, w counts as 0: thetas are 1/2 and 1/4,
+    /// and its spring is not damped.
     pub(super) fn weighed(joint: &Joint, h: f64, least: f64) -> bool {
         h * joint.damping.max(h * joint.stiffness) > least
     }
 
     fn of(joint: &Joint, h: f64, w: f64) -> Self {
         let z = h * h * joint.stiffness * w;
-        let braked = joint.damping.max(h * joint.stiffness * z.min(CALM));
-        Self { braked, share: exponential(h * braked * w) * h * braked + ahead(z) * h * h * joint.stiffness }
+        let damping_used = joint.damping.max(h * joint.stiffness * z.min(MAX_SPRING_DAMPING));
+        Self { damping_used, share: exponential(h * damping_used * w) * h * damping_used + spring_theta(z) * h * h * joint.stiffness }
     }
 
-    /// Slopes of both by w, and by the joint's damping.
-    pub(super) fn slopes(joint: &Joint, h: f64, w: f64) -> [(f64, f64); 2] {
+    /// Derivatives of both with respect to w, and to the joint's damping.
+    pub(super) fn gradients(joint: &Joint, h: f64, w: f64) -> [(f64, f64); 2] {
         let k = h * h * joint.stiffness;
-        let braked = Self::of(joint, h, w).braked;
-        let own = braked == joint.damping;
-        let by_w = if k * w < CALM && !own { k * k / h } else { 0.0 };
-        let z = h * braked * w;
-        // Of `exponential`.
-        let slope = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
-        let damper = |braked_by: f64, z_by: f64| slope * z_by * h * braked + exponential(z) * h * braked_by;
-        let by_spring = if ahead(k * w) > EVEN { 0.5 / (w * w) } else { 0.0 };
+        let damping_used = Self::of(joint, h, w).damping_used;
+        let own = damping_used == joint.damping;
+        let by_w = if k * w < MAX_SPRING_DAMPING && !own { k * k / h } else { 0.0 };
+        let z = h * damping_used * w;
+        // Derivative of `exponential`.
+        let gradient = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
+        let damper = |braked_by: f64, z_by: f64| gradient * z_by * h * damping_used + exponential(z) * h * braked_by;
+        let by_spring = if spring_theta(k * w) > MEAN_THETA { 0.5 / (w * w) } else { 0.0 };
         let by_own = f64::from(own);
-        [(by_w, damper(by_w, h * (braked + w * by_w)) + by_spring), (by_own, damper(by_own, h * w * by_own))]
+        [(by_w, damper(by_w, h * (damping_used + w * by_w)) + by_spring), (by_own, damper(by_own, h * w * by_own))]
     }
 }
 
-/// The share of a damper with `z = h d w` beyond 1 that makes its decay, `1 - z / (1 + a z)`, exact: `exp(-z)`.
+/// Theta of a damper: 1/2, or beyond `z = h d w` of 1 the theta that makes the decay `1 - z / (1 + theta z)` exact,
+/// `exp(-z)`.
 fn exponential(z: f64) -> f64 {
     if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
-}
-
-/// The pose after a time at local velocities.
-fn drift(robot: &Robot, q: &mut [f64], qd: &[f64], time: f64) {
-    let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
-    for (x, v) in q[coords..].iter_mut().zip(&qd[dofs..]) {
-        *x += v * time;
-    }
-    if robot.floating() {
-        let (w, v) = (vector(&qd[..3]), vector(&qd[3..6]));
-        let p = vector(&q[..3]) + v * time;
-        q[..3].copy_from_slice(p.as_slice());
-        let turned = UnitQuaternion::from_scaled_axis(w * time) * quaternion(&q[3..7]);
-        write_quaternion(&mut q[3..7], &turned);
-    }
 }

@@ -1,4 +1,4 @@
-//! What a frame keeps of its substeps for the way back.
+//! Record of a frame's substeps for the backward pass.
 
 use nerd_core::dynamics::Factor;
 
@@ -8,16 +8,16 @@ use crate::prelude::*;
 #[derive(Default)]
 pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
-    /// Those of the substep that is solved now.
+    /// Stages of the substep being solved.
     pub(super) stages: Vec<Stage>,
-    /// Stages of Runge-Kutta's substeps, four of each. There may be more, which wait for longer frames.
+    /// Stages of Runge-Kutta's substeps, four each. Entries beyond `flights` are spare memory for longer frames.
     flown: Vec<Flown>,
     flights: usize,
 }
 
-/// A stage of Runge-Kutta, with what was found on the way to its rate.
+/// A stage of Runge-Kutta, with the kinematics and the mass matrix's factor behind its rate.
 pub(super) struct Flown {
-    /// `[q, qd]` in local velocities, and their rates.
+    /// `[q, qd]` in local velocities, and its time derivative.
     pub(super) state: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) data: Data,
@@ -26,29 +26,34 @@ pub(super) struct Flown {
 
 pub(super) struct Step {
     pub(super) h: f64,
-    /// Coordinates in its middle, and local velocities at its start.
+    /// Coordinates at its middle, and local velocities at its start.
     pub(super) q: Vec<f64>,
     pub(super) qd: Vec<f64>,
     pub(super) touches: Vec<Touch>,
-    /// Of the joints, see [`Touches`].
-    pub(super) braked: Vec<f64>,
+    /// Damping and implicit resistance of the joints, see [`Touches`].
+    pub(super) damping_used: Vec<f64>,
     pub(super) shares: Vec<f64>,
-    /// Each with the rate of the one before for its middle.
+    /// The middle velocity of each stage uses the rate of the stage before.
     pub(super) stages: Vec<Stage>,
-    /// Whether it was too long, and two halves of it went on from where it began, with its rate for the first one's middle.
+    /// Whether the substep was too long and two halves replaced it, from its start. Its rate then predicts the middle
+    /// of the first half.
     pub(super) lost: bool,
 }
 
-/// Solves of a substep with one velocity in its middle.
+/// Consecutive solves of a substep with the same middle velocity; records the last.
 pub(super) struct Stage {
     pub(super) middle: Vec<f64>,
-    /// Change of local velocities over time.
+    /// Rate of change of local velocities.
     pub(super) rate: Vec<f64>,
-    /// Which touches do nothing, or what does not change: contacts that have parted, drives at a bound.
+    /// By touch: whether its force is zero or constant, as of parted contacts and saturated drives.
     pub(super) idle: Vec<bool>,
-    /// Whether drags are those that the substep began with: it was one solve.
+    /// By touch: slip and angular velocity offsets of sticking contacts (m/s, `Contact::held`; rad/s, `Turning::held`).
+    pub(super) held: Vec<[Vector3<f64>; 2]>,
+    /// Whether `held` comes from the substep's stage before.
+    pub(super) again: bool,
+    /// Whether drags are still the initial ones of the substep, because the stage was one solve.
     pub(super) first: bool,
-    /// Whether the spin of the middle is that of its own rate (`spin.rs`).
+    /// Whether the middle's angular velocity is the mean of both ends under its own rate (`spin.rs`).
     pub(super) spun: bool,
 }
 
@@ -59,7 +64,7 @@ impl Kept {
         self.flights = 0;
     }
 
-    /// Takes over what was found, and leaves other memory for what is found next.
+    /// Records a stage. Takes its memory, and leaves spare memory in exchange.
     pub(super) fn flown(&mut self, state: &[f64], rate: &[f64], data: &mut Data, factor: &mut Factor) {
         if self.flights == self.flown.len() {
             let [state, rate] = [state, rate].map(<[f64]>::to_vec);
@@ -86,18 +91,32 @@ impl Kept {
             Touch::Friction(_) | Touch::Limit(_) => false,
         };
         let idle = now.touches.iter().map(|touch| !first && idle(touch)).collect();
-        self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first, spun });
+        let held = |touch: &Touch| match touch {
+            Touch::Contact(contact) => [contact.slip_offset, contact.turning.turn_offset],
+            _ => [Vector3::zeros(); 2],
+        };
+        let held = now.touches.iter().map(held).collect();
+        self.stages.push(Stage {
+            middle: now.middle.clone(),
+            rate: now.rate.clone(),
+            idle,
+            held,
+            again: !self.stages.is_empty(),
+            first,
+            spun,
+        });
     }
 
     pub(super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches, lost: bool) {
+        let stages = std::mem::take(&mut self.stages);
         self.steps.push(Step {
             h,
             q: q.to_vec(),
             qd: qd.to_vec(),
             touches: now.touches.clone(),
-            braked: now.braked.clone(),
+            damping_used: now.damping_used.clone(),
             shares: now.shares.clone(),
-            stages: std::mem::take(&mut self.stages),
+            stages,
             lost,
         });
     }

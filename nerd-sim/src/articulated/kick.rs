@@ -1,36 +1,40 @@
-//! The change of velocity over a substep of the implicit step, by repeated solves.
+//! Change of velocity over an implicit substep, by repeated solves.
 
 use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
 use super::spin::{SPIN_PASSES, Spin};
+use super::stick::{BREAKAWAY_SOLVES, HELD_FACTOR};
 use super::touch::{Contact, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
-/// Solves of a substep at most.
+/// Most solves of a substep.
 pub(super) const PASSES: usize = 6;
-/// Change of a drag, relative, that asks for no other solve, over the substeps of a frame: finer substeps, finer drags.
+/// Relative change of a drag below which no further solve is needed, in a frame of one substep; n substeps take 1 / n
+/// of this.
 pub(super) const SETTLED: f64 = 0.02;
 
-/// Change of a joint's way over half a substep (rad or m), by what its rate was thought to be, that asks for another solve; and after that
-/// solve, for shorter substeps. Of chains alone.
+/// Tolerated error of a joint's predicted middle velocity, times h (rad or m); above it the substep is solved again.
+/// Along the tree only.
 pub(super) const OFF: f64 = 1e-3;
+/// The same after that second solve; above it the substep is halved.
 pub(super) const LOST: f64 = 1e-2;
 
-/// What a substep of length h (s) is made of.
+/// Settings of the solves of a substep.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
     pub(super) asked: &'a Asked<'a>,
     /// See [`SETTLED`] and [`PASSES`].
     pub(super) settled: f64,
     pub(super) passes: usize,
-    /// (s): the frame's, or a half of it.
+    /// Length (s) of the substep: the frame's substep, or a fraction if halved.
     pub(super) h: f64,
 }
 
 impl Workspace {
-    /// `rate`, the change of local velocities over h, from forces in the substep's middle; `false` if the substep is too long to find it.
+    /// Computes `rate`, the rate of change of local velocities over h, from the forces at the substep's middle. `false`
+    /// if the substep is too long to find it.
     pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
         let (Substep { h, settled, .. }, Asked { system, scene, config, tau, .. }) = (*own, *own.asked);
         let robot = &system.robot;
@@ -44,15 +48,15 @@ impl Workspace {
         }
         let spins = Spin::of(robot, &self.data, (h, settled), qd);
         let (mut turn, mut spin) = (Vector3::zeros(), None);
-        // A joint that turns as fast is looked at, too.
-        self.touches.eventful |= spins.is_some();
+        // The frame's energy is checked, as for a joint that turns as fast.
+        self.touches.may_gain_energy |= spins.is_some();
         let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
         let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, true, first, false, false, true);
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();
         }
         for pass in 0..passes {
-            let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
+            let Touches { touches, middle, rate, right, pull, damping_used, .. } = &mut self.touches;
             if stale {
                 if all {
                     middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
@@ -62,30 +66,33 @@ impl Workspace {
                 }
                 bias(robot, middle, &scene.gravity, &mut self.data);
                 if robot.floating() {
-                    // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+                    // The derivative of the root's velocity is its spatial acceleration plus w x v.
                     turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
                 }
                 let free = scene.gravity - turn;
                 for touch in touches.iter_mut() {
                     if let Touch::Contact(contact) = touch {
+                        if all && pass > 0 && config.friction == Friction::Coulomb {
+                            contact.hold(&(contact.wrench() * HELD_FACTOR));
+                        }
                         contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
                     }
                 }
                 right.iter_mut().zip(self.data.tau.as_slice()).for_each(|(r, t)| *r = -t);
                 for (i, right) in right[dofs..].iter_mut().enumerate() {
-                    *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
+                    *right += tau[i] + pull[i] - damping_used[i] * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, settled, config.friction, pass > 0)?;
-            // The rate that an unbounded drive would give says nothing of the middle.
+            let changed = self.solve(robot, h, settled, config.friction, pass)?;
+            // The middle is not corrected by a rate found before all drives are within their bounds.
             let wait = changed && !self.drives.is_empty();
             let Touches { middle, rate, tree, .. } = &mut self.touches;
             if tree.is_some() {
-                // A chain may whip: then the rate of the substep before says little of this one's middle.
+                // A chain may whip: then the last substep's rate predicts this one's middle badly.
                 let joints = middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(dofs);
                 let jump = joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h;
                 found = jump <= LOST;
-                // What changed because a point has parted is no whip.
+                // A jump because a point has parted is no whip.
                 if !jump.is_finite() || corrected && quiet && !found {
                     return Ok(false);
                 }
@@ -103,7 +110,7 @@ impl Workspace {
             if let Some(kept) = self.kept.as_mut().filter(|_| done || all || pass + 1 == passes) {
                 kept.stage(&self.touches, all && pass == 0, spins.is_some() && (turned || !all));
                 if spins.is_some() && !all {
-                    // To rounding, not to what was near enough.
+                    // For the gradient the middle is the mean to rounding, without the tolerance.
                     let mean = |k: usize| qd[k] + 0.5 * h * self.touches.rate[k];
                     kept.stages.iter_mut().last().into_iter().for_each(|stage| (0..3).for_each(|k| stage.middle[k] = mean(k)));
                 }
@@ -115,15 +122,16 @@ impl Workspace {
             correct &= wait;
             corrected |= all;
         }
-        self.touches.eventful = true;
+        self.touches.may_gain_energy = true;
         Ok(found)
     }
 
-    /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
-    /// end, and a point that would pull has parted; whether that changes anything. `again`: not for the first time in the substep, whose
-    /// matrix without touches is then the factor's.
-    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, again: bool) -> Result<bool, String> {
-        let Touches { touches, columns, shares, mass, right, tree, eventful, .. } = &mut self.touches;
+    /// Solves for accelerations with the touches that have not parted. Then updates each touch: drags follow from force
+    /// and slip at the solution, and a point that would pull has parted. Returns whether anything changed. The first
+    /// pass expects the matrix without touches in `data`; later passes restore it, or reuse its factor.
+    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> Result<bool, String> {
+        let again = pass > 0;
+        let Touches { touches, columns, shares, mass, right, tree, may_gain_energy, .. } = &mut self.touches;
         match tree {
             Some(tree) => tree.clear(shares),
             None if again && !touches.is_empty() => self.data.mass.as_mut_slice().copy_from_slice(mass.as_slice()),
@@ -149,7 +157,7 @@ impl Workspace {
                     continue;
                 }
                 Touch::Drive { spring, .. } | Touch::Limit(spring) => (spring.joint, spring.push(h)),
-                Touch::Friction(dry) => (dry.joint, (-(dry.rate * dry.across), dry.across)),
+                Touch::Friction(dry) => (dry.joint, (-(dry.rate * dry.drag), dry.drag)),
             };
             let k = dofs + joint;
             self.data.qdd[k] += force;
@@ -180,7 +188,7 @@ impl Workspace {
                         Some(tree) => tree.at(contact.link, &contact.x) * h,
                         None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
                     };
-                    let mut changed = contact.settle(&change, h, friction, settled);
+                    let mut changed = contact.settle(&change, h, friction, (settled, pass));
                     if contact.turns() {
                         let spin = match tree {
                             Some(tree) => tree.spin(contact.link) * h,
@@ -188,12 +196,19 @@ impl Workspace {
                                 .map(|(k, axis)| axis * (h * self.data.qdd[k]))
                                 .sum(),
                         };
-                        changed |= contact.settle_turns(&spin, settled);
+                        let force = (!contact.parted).then_some(&contact.force);
+                        changed |=
+                            contact.turning.settle((&contact.normal, &contact.material), force, &spin, (settled, pass < BREAKAWAY_SOLVES));
                     }
-                    *eventful |= contact.parted;
+                    *may_gain_energy |= contact.parted;
                     changed
                 }
-                Touch::Friction(dry) => dry.settle(h * self.data.qdd[dofs + dry.joint], friction, settled),
+                Touch::Friction(dry) => {
+                    let change = h * self.data.qdd[dofs + dry.joint];
+                    // With theta 1 it may add energy where its joint reverses.
+                    *may_gain_energy |= dry.rate * (dry.rate + change) < 0.0;
+                    dry.settle(change, friction, settled)
+                }
                 Touch::Drive { spring, bounds: [least, most], held: held @ None } => {
                     let force = spring.force(h * self.data.qdd[dofs + spring.joint], h);
                     *held = (!(*least..=*most).contains(&force)).then(|| force.clamp(*least, *most));
@@ -206,7 +221,7 @@ impl Workspace {
     }
 }
 
-/// Adds a contact's force to `data.qdd`, and what it resists to the lower triangle of `data.mass`.
+/// Adds a contact's force to `data.qdd`, and its resistance `h D` to the lower triangle of `data.mass`.
 #[inline]
 fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
     let (n, (force, along, across)) = (&contact.normal, contact.push(h));
@@ -220,27 +235,28 @@ fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], 
     }
 }
 
-/// Adds the torques of a contact's torsional and rolling friction to `data.qdd`, and what they resist to the lower triangle of `data.mass`.
+/// Adds torques of torsional and rolling friction to `data.qdd`, and their resistance to the lower triangle of
+/// `data.mass`.
 fn press_turns(robot: &Robot, data: &mut Data, contact: &Contact, h: f64) {
-    let torque = contact.turn_torque(&contact.spin);
+    let (turning, n) = (&contact.turning, &contact.normal);
+    let torque = turning.resists(n, &(turning.spin - turning.turn_offset));
     let Data { dof, axis, qdd, mass, .. } = data;
     for (i, a) in turns(robot, (dof, axis), contact.link) {
         qdd[i] += a.dot(&torque);
-        let resists = -contact.turn_torque(&a) * h;
+        let resists = -turning.resists(n, &a) * h;
         for (j, b) in turns(robot, (dof, axis), contact.link).filter(|(j, _)| *j <= i) {
             mass[(i, j)] += b.dot(&resists);
         }
     }
 }
 
-/// The columns of the Jacobian of a link's angular velocity, by DoF.
+/// Columns of the Jacobian of a link's angular velocity, each with its DoF.
 pub(super) fn turns<'a>(
     robot: &'a Robot,
     (dof, axis): (&'a [usize], &'a [Motion]),
     link: usize,
 ) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'a {
-    let above = std::iter::successors(Some(link), |i| robot.links[*i].parent);
-    above.flat_map(move |i| {
+    robot.ancestors(link).flat_map(move |i| {
         let own = robot.links[i].joint.is_some();
         (0..if own { 1 } else { 3 }).map(move |k| if own { (dof[i], axis[i].ang) } else { (k, Vector3::ith(k, 1.0)) })
     })

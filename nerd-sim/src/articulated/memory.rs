@@ -1,4 +1,4 @@
-//! Working memory of the way back through a frame.
+//! Working memory of the backward pass through a frame.
 
 use nalgebra::DMatrix;
 use nerd_core::dynamics::Adjoint;
@@ -9,12 +9,12 @@ use crate::prelude::*;
 pub(super) struct Memory {
     pub(super) kept: Kept,
     pub(super) adjoint: Adjoint,
-    /// Twists of links at a substep's start, and what accelerations do to them.
+    /// Twists of links at a substep's start, and their accelerations caused by `qdd`.
     pub(super) starts: Vec<Motion>,
     pub(super) quickened: Vec<Motion>,
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
     pub(super) by_middle: Vec<f64>,
-    /// `(dR/da)^T` of the residual R.
+    /// `(dR/da)^T` of the residual R of a substep's acceleration a.
     pub(super) matrix: DMatrix<f64>,
     pub(super) flight: Flight,
 }
@@ -35,10 +35,11 @@ impl Memory {
     }
 }
 
-/// That through frames without anything to touch.
+/// Working memory of the backward pass through Runge-Kutta's substeps.
 pub(super) struct Flight {
     pub(super) end: Vec<f64>,
-    /// Gradients by the numbers of the state before a substep and after it, a quaternion's four among them, by those of a stage, and by its rate.
+    /// Gradients with respect to the state before a substep, the state after it, a stage's state and a stage's rate.
+    /// Here a quaternion counts as four numbers.
     pub(super) by_state: Vec<f64>,
     pub(super) by_end: Vec<f64>,
     pub(super) by_stage: Vec<f64>,

@@ -1,11 +1,11 @@
-//! Our own articulated dynamics: RNEA, CRBA and Cholesky from nerd-core, geometry from the scene.
+//! Articulated-body dynamics: steps a robot by one frame with RNEA, CRBA, Cholesky (nerd-core) and compliant contact.
 //!
-//! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
-//! Euler under the compliant contact of [`force`], or by substeps that look ahead ([`ContactStep::Implicit`]). A frame
-//! in which a joint's damper or limit is too stiff for an explicit substep takes implicit ones under any preset, and one in which an
-//! implicit step gives energy more of them. Models and policies learn
-//! from preset `accurate`; `paper` reproduces the reference simulator; `converged` measures errors. An environment without collider or
-//! contact point runs no contact code.
+//! A frame without contact is integrated by RK4 or symplectic Euler. A frame with contact takes substeps of symplectic
+//! Euler under the compliant contact of [`force`], or implicit substeps ([`ContactStep::Implicit`]). A frame with a
+//! joint too stiff for explicit substeps is repeated with implicit ones under any preset. An implicit frame that gains
+//! energy is repeated with more substeps. Models and policies learn from preset `accurate`; `paper` reproduces the
+//! reference simulator; `converged` measures errors. An environment without collider or contact point runs no contact
+//! code.
 
 mod along;
 mod config;
@@ -16,20 +16,22 @@ mod find;
 mod fold;
 pub mod force;
 mod frame;
+mod gradients;
 mod implicit;
 mod kept;
 mod kick;
 mod memory;
-mod slopes;
 mod solver;
 mod spin;
+mod stick;
 mod stiff;
 mod touch;
 mod touches;
+mod turning;
 mod workspace;
 
 pub use crate::system::Refresh;
 pub use along::along;
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator};
-pub use slopes::numbers;
+pub use gradients::numbers;
 pub use solver::Articulated;

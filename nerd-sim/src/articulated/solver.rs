@@ -1,11 +1,11 @@
-//! The solver over a batch.
+//! Articulated dynamics as a solver over a batch of environments.
 
 use super::kick::{PASSES, SETTLED};
-use super::{config::Settings, slopes::covered, workspace::Workspace};
+use super::{config::Settings, gradients::covered, workspace::Workspace};
 use crate::prelude::*;
-use crate::{solver::Slopes, solver::parallel::Parallel};
+use crate::{solver::Gradients, solver::parallel::Parallel};
 
-/// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
+/// Articulated dynamics as a [`Solver`]. The next state depends on state, torques and scene alone.
 pub struct Articulated {
     settings: Settings,
     parallel: Parallel<Workspace>,
@@ -17,21 +17,22 @@ impl Articulated {
         Self { settings: Settings { config, settling: (SETTLED, PASSES) }, parallel: Parallel::new() }
     }
 
-    /// Solves a substep until no drag changes by more than this share, over the substeps of a frame, in so many solves at most. For tests:
-    /// slopes are those of what is solved without an error.
+    /// Sets the tolerance on relative changes of drags (see `kick.rs`) and the most solves per substep. For tests:
+    /// gradients assume a converged solve.
     #[doc(hidden)]
     pub fn settling(mut self, share: f64, solves: usize) -> Self {
         self.settings.settling = (share, solves);
         self
     }
 
-    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too, in the order of [`super::numbers`].
+    /// As [`Solver::vjp`], with gradients with respect to the numbers of each environment's robot and scene, in the
+    /// order of [`super::numbers`].
     ///
-    /// Dry friction that is not there, contact points that move over their link, and what a file says of a pair of geoms beyond multiples of the
-    /// material are held.
-    pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    /// Held constant: zero dry friction, contact points with a moving locus, and contact laws of pairs of geoms. If a
+    /// law is a multiple of the material, it still varies with the material.
+    pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
         self.goes_back(batch)?;
-        self.parallel.back(&self.settings, batch, torques, rows, by_next, true)
+        self.parallel.back(&self.settings, batch, torques, rows, grad_next, true)
     }
 
     fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
@@ -46,9 +47,9 @@ impl Solver for Articulated {
         self.parallel.step(&self.settings, batch, torques)
     }
 
-    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    fn vjp(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
         self.goes_back(batch)?;
-        self.parallel.back(&self.settings, batch, torques, rows, by_next, false)
+        self.parallel.back(&self.settings, batch, torques, rows, grad_next, false)
     }
 
     fn capabilities(&self) -> Capabilities {

@@ -1,48 +1,50 @@
-//! The spin of a free root, which the middle of a kick shares with both its ends.
+//! Midpoint angular velocity of a free root that spins fast, by Newton's method.
 //!
-//! The gyroscopic torque of a substep is that of its middle, `- w x I w` with `w = (w_0 + w_1) / 2`. Of the true mean it does no work, at any
-//! length of the substep: `w . (I (w_1 - w_0)) = - h w . (w x I w) = 0`. A mean that was only foreseen, from the rate of the substep before, drives a
-//! body that flies. So where a root turns by [`SPUN`] in a substep its mean is found by Newton's method, with the inertia I of the whole robot, held
-//! as it is, about its centre of mass: with `off = (w_0 + h a / 2) - w` for the acceleration a that was solved with w,
+//! The gyroscopic torque of a substep is taken at its middle, `-w x I w` with `w = (w_0 + w_1) / 2`. At the exact mean
+//! it does no work for any substep h: `w . (I (w_1 - w_0)) = -h w . (w x I w) = 0`. At a mean predicted from the last
+//! substep's rate it adds energy to a body in flight. So where a root turns by [`FAST_ROOT`] in a substep, Newton's method
+//! finds the mean. It holds the inertia I of the whole robot about its centre of mass constant. The solve with w gives
+//! the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
 //!
 //! ```text
 //! (I + h/2 ([w] I - [I w])) change = I off
 //! ```
 //!
-//! which is exact for one link that nothing touches, and the same transposed on the way back. In between the root's link drifts as what flies does,
-//! its centre of mass straight ahead: the coordinates and velocity of an implicit frame are that place's, not the root's ([`centre`]).
+//! This step is exact for one link without contact, and the backward pass uses its transpose. Between kicks the root's
+//! link drifts as in flight, its centre of mass in a straight line. So the root's position and velocity within an
+//! implicit frame refer to the link's centre of mass ([`centre`]).
 
 use nerd_core::dynamics::{kinematics_about, root_position};
 
-use super::energy::FINEST;
+use super::energy::MAX_REFINED;
 use crate::prelude::*;
 
-/// Turn (rad) of a root in a substep from which on its middle is found.
-pub(super) const SPUN: f64 = 0.015;
-/// How far, of the spin, its middle may be from the mean; less where drags are to be settled further than that, to what rounding leaves.
+/// Turn (rad) of the root in a substep above which its middle angular velocity is solved for.
+pub(super) const FAST_ROOT: f64 = 0.015;
+/// Relative tolerance of the middle angular velocity; smaller if drags settle to less, down to rounding.
 pub(super) const ROUND: f64 = 1e-7;
 const ROUNDEST: f64 = 1e-12;
-/// Solves of a substep at most beside those that it takes anyway.
+/// Most solves of a substep for the middle, beyond its other solves.
 pub(super) const SPIN_PASSES: usize = 8;
 
-/// Turn (rad) of a root in a substep of Runge-Kutta at most, which loses energy with its fifth power.
+/// Largest turn (rad) of the root in a substep of Runge-Kutta; the energy loss grows with its fifth power.
 pub(super) const SPUN_RK4: f64 = 0.08;
 
-/// Times as many substeps of Runge-Kutta as would have a root turn by so much (rad): a power of 2.
+/// Factor (a power of two) on Runge-Kutta's substeps, for a root that turns by `turn` (rad) in each.
 pub(super) fn turns(turn: f64) -> usize {
     let mut times = 1;
-    while turn > SPUN_RK4 * times as f64 && times < FINEST {
+    while turn > SPUN_RK4 * times as f64 && times < MAX_REFINED {
         times *= 2;
     }
     times
 }
 
-/// The centre of mass of a free root's link (m, world axes, from the root) at coordinates `q`.
+/// Centre of mass of a free root's link (m, world axes, from the root) at coordinates `q`.
 pub(super) fn arm(robot: &Robot, q: &[f64]) -> Vector3<f64> {
     if robot.floating() { quaternion(&q[3..7]) * robot.links[0].inertia.com } else { Vector3::zeros() }
 }
 
-/// Moves the place of a free root to its link's centre of mass, or back.
+/// Moves a free root's position to its link's centre of mass (`sign` 1), or back (-1).
 pub(super) fn centre(robot: &Robot, q: &mut [f64], sign: f64) {
     if robot.floating() {
         let moved = vector(q) + arm(robot, q) * sign;
@@ -50,26 +52,26 @@ pub(super) fn centre(robot: &Robot, q: &mut [f64], sign: f64) {
     }
 }
 
-/// Kinematics of a robot whose root is told by its link's centre of mass, and from there.
+/// Kinematics about the centre of mass of the root's link, from coordinates `q` with the root's position there.
 pub(super) fn stand(robot: &Robot, q: &[f64], data: &mut Data) {
     let place = root_position(robot, q);
     kinematics_about(robot, q, &(place + arm(robot, q)), data);
     data.origin = place;
 }
 
-/// A root that spins.
+/// Newton's method for the middle of a substep of a spinning root.
 pub(super) struct Spin {
-    /// Inertia of the whole robot about its centre of mass, world axes.
+    /// Inertia of the whole robot about its centre of mass (kg m^2, world axes).
     inertia: Matrix3<f64>,
     h: f64,
     round: f64,
 }
 
 impl Spin {
-    /// None of a root that turns by less over a substep h that begins at local velocities `qd`, with drags to be settled to such a share. Needs the
-    /// links' inertias.
+    /// `None` if the root turns by less than [`FAST_ROOT`] over a substep h from local velocities `qd`. `settled`: tolerance
+    /// of drags. Needs the links' inertias.
     pub(super) fn of(robot: &Robot, data: &Data, (h, settled): (f64, f64), qd: &[f64]) -> Option<Self> {
-        if !robot.floating() || h * vector(qd).norm() <= SPUN {
+        if !robot.floating() || h * vector(qd).norm() <= FAST_ROOT {
             return None;
         }
         let zero = (0.0, Vector3::zeros(), Matrix3::zeros());
@@ -85,14 +87,15 @@ impl Spin {
         self.inertia + (w.cross_matrix() * self.inertia - (self.inertia * w).cross_matrix()) * (0.5 * self.h)
     }
 
-    /// The middle of a substep that began at `qd`, by the middle that gave a rate; none where that was near enough.
+    /// Next estimate of the middle, for a substep from `qd`, given the `rate` solved at `middle`; `None` once that is
+    /// within tolerance.
     pub(super) fn next(&self, qd: &[f64], middle: &[f64], rate: &[f64]) -> Option<Vector3<f64>> {
         let w = vector(middle);
         let off = vector(qd) + vector(rate) * (0.5 * self.h) - w;
         (off.norm() > self.round * w.norm()).then(|| w + self.matrix(&w).lu().solve(&(self.inertia * off)).unwrap_or(off))
     }
 
-    /// A change of the gradient by the rate that what is left of `off` asks for on the way back.
+    /// Correction of the gradient with respect to the rate, for a remainder `off` in the backward pass.
     pub(super) fn back(&self, middle: &[f64], off: &Vector3<f64>) -> Vector3<f64> {
         self.inertia * self.matrix(&vector(middle)).transpose().lu().solve(off).unwrap_or_else(Vector3::zeros)
     }

@@ -1,13 +1,14 @@
-//! Dampers and limits that are too stiff for an explicit substep h, found before they blow up.
+//! Detects dampers and limits too stiff for an explicit substep h, before they diverge.
 //!
-//! A damper d and a spring k at joint i change its velocity within a substep by `h (d + h k) w` times itself, with
-//! `1 / w = 1 / (M^-1)_ii` the joint's own inertia. With the spectral radius r of `S^1/2 M^-1 S^1/2`, `S_i = h (2 d + h k)`,
-//! symplectic Euler is stable for r < 4, Runge-Kutta for r < 5.5; for r < 2 a damper alone does not overshoot under the first
-//! and is accurate to 2 % under the second. The radius is at most the trace, and that of some joints at most that of all, so
-//! it is seldom worked out. A frame that meets what is too stiff is stepped implicitly instead.
+//! A damper d and a spring k at joint i change its velocity within a substep by `h (d + h k) w` times itself. Here
+//! `1 / w = 1 / (M^-1)_ii` is the joint's own inertia, and r the spectral radius of `S^1/2 M^-1 S^1/2`,
+//! `S_i = h (2 d + h k)`. Symplectic Euler is stable for r < 4, Runge-Kutta for r < 5.5. For r < 2 a lone damper does
+//! not overshoot under symplectic Euler, and has 2 % error under Runge-Kutta. The trace bounds the radius, and the
+//! radius of all joints bounds any subset's. So it is seldom computed. A frame with too stiff a force is stepped
+//! implicitly instead.
 //!
-//! Friction's drag c is bounded by Coulomb's law and so blows nothing up, but where `h c w` is large, with `1 / w` the
-//! point's inertia, it only trembles about rest and lets a standing robot creep. There, too, the frame is stepped implicitly.
+//! Friction's drag c is bounded by Coulomb's law, so it never diverges. But where `h c w` is large, with `1 / w` the
+//! point's inertia, it trembles about rest and a standing robot creeps. Such a frame, too, is stepped implicitly.
 
 use nerd_core::{dynamics::Factor, spatial::parallel_axis};
 
@@ -15,24 +16,24 @@ use crate::prelude::*;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
 pub(super) const MOST: f64 = 2.0;
-/// Largest r of limits under Runge-Kutta. The Ant's comes to 5.0 with all its joints beyond their limits.
+/// Largest r of limits under Runge-Kutta. The Ant's reaches 5.0 with all its joints beyond their limits.
 pub(super) const MOST_RK4: f64 = 5.2;
-/// Largest `h c w` of friction, by the bound on w. That of ANYmal's shins comes to 8.4, with the reference's substeps.
+/// Largest `h c w` of friction, with the upper bound on w. ANYmal's shins reach 8.4 with the reference's substeps.
 pub(super) const MOST_DRAG: f64 = 12.0;
-/// Touches of a pair of links at a time, at most: four carry a face that lies on another.
+/// Most simultaneous contacts of a pair of links: four carry a face that lies on another.
 const AT_ONCE: usize = 4;
 /// Steps of the power iteration.
 pub(super) const POWERS: usize = 12;
 
-/// Bounds that a robot's numbers set, in any pose.
+/// Bounds on inertia for a robot in any pose.
 pub(super) struct Bounds {
-    /// The least inertia of each joint (kg m^2 or kg).
+    /// Lower bound on each joint's inertia (kg m^2 or kg).
     pub(super) least: Vec<f64>,
-    /// A bound from above on w of each contact point in any direction (1/kg).
-    pub(super) ease: Vec<f64>,
-    /// Sum of 2 d over the least inertia (1/s).
+    /// Upper bound on w of each contact point in any direction (1/kg).
+    pub(super) inv_mass: Vec<f64>,
+    /// Sum over the joints of 2 d over the least inertia (1/s).
     pub(super) damped: f64,
-    /// Of each pair of links that may touch, see [`eases`].
+    /// w n of each pair of links that may touch, see [`inv_masses`].
     pub(super) folds: Vec<f64>,
 }
 
@@ -42,21 +43,21 @@ impl Bounds {
         let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(system, i)).collect();
         let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
         let damped = robot.joints().zip(&least).map(share).sum();
-        let of = |p: &ContactPoint| p.places().iter().map(|place| ease(&robot.links[p.link].inertia, place)).fold(0.0, f64::max);
-        let ease = robot.contact_points.iter().map(of).collect();
-        Self { least, ease, damped, folds: eases(system) }
+        let of = |p: &ContactPoint| p.places().iter().map(|place| inv_mass(&robot.links[p.link].inertia, place)).fold(0.0, f64::max);
+        let inv_mass = robot.contact_points.iter().map(of).collect();
+        Self { least, inv_mass, damped, folds: inv_masses(system) }
     }
 }
 
 pub(super) struct Stiff {
     pub(super) bounds: Arc<Bounds>,
-    /// Whether the dampers of this frame were looked at.
+    /// Whether the dampers were checked in this frame.
     looked: bool,
-    /// Whether all limits together are soft enough in this frame, if that was looked at.
+    /// Whether all limits together are soft enough in this frame, if known.
     soft: Option<bool>,
-    /// w of each joint, found at most once a frame.
+    /// w of each joint, computed at most once a frame.
     weights: Vec<Option<f64>>,
-    /// Joints that push now, with their S.
+    /// Joints beyond a limit now, with their S.
     acting: Vec<(usize, f64)>,
     others: Vec<(usize, f64)>,
     vector: Vec<f64>,
@@ -86,7 +87,7 @@ impl Stiff {
     /// Whether a drag (N s/m) at contact point `point` is too stiff for a substep `h`.
     #[inline]
     pub(super) fn drags(&self, point: usize, drag: f64, h: f64) -> bool {
-        h * drag * self.bounds.ease[point] > MOST_DRAG
+        h * drag * self.bounds.inv_mass[point] > MOST_DRAG
     }
 
     #[inline]
@@ -99,7 +100,7 @@ impl Stiff {
         self.acting.push((i, stiffness(limit, h)));
     }
 
-    /// Whether the limits that act are too stiff for a substep `h`; `factor` is the mass matrix's.
+    /// Whether the acting limits are too stiff for a substep `h`; `factor` is the mass matrix's.
     #[inline]
     pub(super) fn limits(&mut self, robot: &Robot, factor: &Factor, h: f64, integrator: Integrator) -> bool {
         if self.acting.is_empty() {
@@ -130,7 +131,7 @@ impl Stiff {
         self.soft == Some(false) && radius(&self.acting, dofs, factor, &mut self.vector, &mut self.column) > most
     }
 
-    /// Whether the joints' dampers are too stiff for a substep `h`; looked at once a frame.
+    /// Whether the joints' dampers are too stiff for a substep `h`; checked once a frame.
     #[inline]
     pub(super) fn dampers(&mut self, robot: &Robot, factor: &Factor, h: f64) -> bool {
         if self.looked || h * self.bounds.damped <= MOST {
@@ -150,7 +151,7 @@ fn stiffness(limit: &Limit, h: f64) -> f64 {
 /// Spectral radius of `S^1/2 M^-1 S^1/2` of some joints, by power iteration.
 fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f64], column: &mut [f64]) -> f64 {
     let vector = &mut vector[..joints.len()];
-    // Of no symmetry.
+    // A start without symmetry, so that no eigenvector is missed.
     vector.iter_mut().enumerate().for_each(|(k, x)| *x = 0.1 + (0.618_034 * k as f64).fract());
     let mut size = 0.0;
     for _ in 0..POWERS {
@@ -164,26 +165,27 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
     size
 }
 
-/// A bound from above on what a unit force at a point of a link gives it of acceleration, in its direction: as if the link
-/// were free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
-pub(super) fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
+/// Upper bound on the acceleration (1/kg), in its direction, by a unit force at a point of a link: as if the link were
+/// free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
+pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link.inertia.cholesky().map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
     1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }
 }
 
-/// w n of each pair of links, in any pose: as if both were free.
-fn eases(system: &System) -> Vec<f64> {
+/// w n of each pair of links, in any pose: as if both links were free.
+fn inv_masses(system: &System) -> Vec<f64> {
     let (links, folds) = (&system.robot.links, &system.folds);
-    // No place of a capsule is moved farther than its ends; a force at its surface goes through its axis.
+    // w is largest at the ends of a capsule's axis; a force at its surface goes through the axis.
     let ends = |part: usize| folds.capsules[folds.own[part].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
-    let most = |part: usize| ends(part).map(|end| ease(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
+    let most = |part: usize| ends(part).map(|end| inv_mass(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
     let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }
 
-/// A bound from below on the inertia that the joint of link `i` feels, `1 / (M^-1)_ii`, in any pose: armature, and the two
-/// links next to it as if they turned freely about their centres of mass; on a fixed base the link about the joint. What follows it only adds.
+/// Lower bound on the inertia at the joint of link `i`, `1 / (M^-1)_ii`, in any pose. It is the armature plus the two
+/// adjacent links' inertia, both free to turn about their centres of mass. On a fixed base it is the link's inertia
+/// about the joint. Links further out only add inertia.
 fn least_inertia(system: &System, i: usize) -> Option<f64> {
     let robot = &system.robot;
     let link = &robot.links[i];
@@ -197,9 +199,9 @@ fn least_inertia(system: &System, i: usize) -> Option<f64> {
         (JointKind::Prismatic, Some(_)) => 0.0,
         (_, None) => axis.dot(&((own.inertia + parallel_axis(own.mass, &own.com)) * axis)),
         (_, Some(parent)) => {
-            let ease = |inertia: &Matrix3<f64>, a: Vector3<f64>| inertia.cholesky().map(|c| a.dot(&c.solve(&a)));
+            let inv_mass = |inertia: &Matrix3<f64>, a: Vector3<f64>| inertia.cholesky().map(|c| a.dot(&c.solve(&a)));
             let turned = joint.origin().rotation * axis;
-            let both = ease(&own.inertia, axis).zip(ease(&robot.links[parent].inertia.inertia, turned));
+            let both = inv_mass(&own.inertia, axis).zip(inv_mass(&robot.links[parent].inertia.inertia, turned));
             both.map_or(0.0, |(a, b)| 1.0 / (a + b))
         }
     };

@@ -1,84 +1,91 @@
-//! Touches of the implicit step, by kind: contact, limit, friction, drive.
+//! Touches, the forces of the implicit step that follow from its solution: contacts, limits, dry friction, drives.
 
 use super::force::drag;
+use super::stick::{BREAKAWAY_SOLVES, MIN_INV_MASS, STICK_DRAG, breaking};
+use super::turning::Turning;
 use crate::prelude::*;
 
-/// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
+/// Velocity (rad/s or m/s) below which dry friction is a drag: a joint that it holds creeps.
 pub(super) const CREEP: f64 = 1e-3;
 
-/// The share of a spring that keeps its energy: the mean of the gaps at the substep's ends, `g + h (v' - v) / 4`.
-pub(super) const EVEN: f64 = 0.25;
+/// Theta of a spring that keeps its energy: the mean of the gaps at the substep's ends, `g + h (v' - v) / 4`.
+pub(super) const MEAN_THETA: f64 = 0.25;
 
-/// Something that acts within a substep, or will.
+/// A force that acts within a substep, or may.
 #[derive(Clone)]
 #[allow(clippy::large_enum_variant)] // Most are contacts.
 pub(super) enum Touch {
-    /// A point on a collider. It pushes, is damped, and rubs.
+    /// A point on a collider: it pushes, is damped, and has friction.
     Contact(Contact),
     /// Dry friction of a joint.
     Friction(DryFriction),
-    /// A joint beyond an end of its range. It may pull, and is damped both ways.
+    /// A joint beyond an end of its range. It may pull, and is damped in both directions.
     Limit(Spring),
-    /// A drive, within its least and largest force; the bound that holds it, once one does.
+    /// A drive, its least and largest force, and the bound that it is held at, if saturated.
     Drive { spring: Spring, bounds: [f64; 2], held: Option<f64> },
 }
 
-/// A point on a collider: what it is, then what the substep makes of it.
+/// A point on a collider: its geometry, then the state of the solve.
 #[derive(Clone)]
 pub(super) struct Contact {
-    /// Its number among points and colliders, and its point's.
+    /// Number of the pair of point and collider, and the point's.
     pub(super) index: usize,
     pub(super) point: usize,
     pub(super) link: usize,
-    /// Where it touches (m, from the root).
+    /// Contact place (m, from `data.origin`).
     pub(super) x: Vector3<f64>,
-    /// Its columns among all, `J = [.. column ..]` by DoF, where the matrix is at hand.
+    /// Range of its columns of J, by DoF, in `Touches::columns`; empty along the tree.
     pub(super) columns: std::ops::Range<usize>,
-    /// The material of the part of the substep in which it is inside, and the whole.
+    /// Material scaled by the part of the substep that the point is inside, and the whole material.
     pub(super) material: Material,
     pub(super) whole: Material,
     pub(super) normal: Vector3<f64>,
-    /// Its gap in the middle of the substep, and the mean of what is inside.
+    /// Gap (m) at the middle of the substep, and mean gap over the part inside.
     pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
-    /// Its velocity at the start, when J was another: half a substep of `J_dot qd` off `velocity`, which J of the middle takes it for.
+    /// Point velocity (m/s) at the substep's start, `J qd - h/2 J_dot qd`. `velocity` is `J qd`, with J of the middle.
     pub(super) start: Vector3<f64>,
-    /// What its velocity changes by over the substep without accelerations (m/s): because the root turns while it travels, `h w x v`, and
-    /// because its place moves and J with it, `h J_dot qd`.
+    /// Change of the point's velocity (m/s) over the substep at zero `qdd`: `h w x p_dot` of the root, and
+    /// `h J_dot qd`, since the place moves and J with it.
     pub(super) turn: Vector3<f64>,
-    /// Shares a of the spring, the damper and the drag.
-    pub(super) ahead: [f64; 3],
+    /// Theta of the spring, the damper and the drag.
+    pub(super) theta: [f64; 3],
+    /// Damping and its theta while approaching and while parting; the material and `theta` have those in use.
+    pub(super) dampers: [[f64; 2]; 2],
     /// Drag c (N s/m).
-    pub(super) across: f64,
-    /// Its link's angular velocity, and drags (N m s/rad) about the normal and across it; zero without torsional and rolling friction.
-    pub(super) spin: Vector3<f64>,
-    pub(super) turning: [f64; 2],
-    /// Whether it would pull, and acts no more.
+    pub(super) drag: f64,
+    /// Slip offset `s_0` (m/s) with zero drag force: the friction held from the last solve, over the sticking drag.
+    pub(super) slip_offset: Vector3<f64>,
+    /// The same at the substep's start.
+    pub(super) slip_offset_start: Vector3<f64>,
+    pub(super) turning: Turning,
+    /// Whether the point would pull; then it no longer acts.
     pub(super) parted: bool,
-    /// Its force (N) on the robot in the substep.
+    /// Force (N) on the robot in the substep.
     pub(super) force: Vector3<f64>,
 }
 
 /// A spring and a damper of one joint.
 #[derive(Clone)]
 pub(super) struct Spring {
-    /// Its number among all weights.
+    /// Its number among all w.
     pub(super) index: usize,
     pub(super) joint: usize,
-    /// The sign of the joint's velocity in `rate`.
+    /// Sign of the joint's velocity in `rate`.
     pub(super) side: f64,
     pub(super) stiffness: f64,
     pub(super) damping: f64,
-    /// How far it is from rest in the middle of the substep, the mean of what is beyond, and how fast it leaves it.
+    /// Gap (rad or m) at the middle of the substep; mean gap over the part beyond; rate of the gap. A drive has its
+    /// errors of position and velocity.
     pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) rate: f64,
-    /// Shares a of the spring and the damper.
-    pub(super) ahead: [f64; 2],
+    /// Theta of the spring and the damper.
+    pub(super) theta: [f64; 2],
 }
 
-/// A joint that rubs under a constant force, and always looks all the way ahead.
+/// Dry friction of a joint: a constant force, or a drag below `CREEP`; its theta is 1.
 #[derive(Clone)]
 pub(super) struct DryFriction {
     pub(super) joint: usize,
@@ -86,11 +93,11 @@ pub(super) struct DryFriction {
     pub(super) most: f64,
     pub(super) rate: f64,
     /// Drag (N m s/rad or N s/m).
-    pub(super) across: f64,
+    pub(super) drag: f64,
 }
 
 impl Touch {
-    /// Its number among all weights, if it is weighed.
+    /// Its number among all w, if it has a w.
     pub(super) fn index(&self) -> Option<usize> {
         match self {
             Self::Contact(contact) => Some(contact.index),
@@ -101,18 +108,44 @@ impl Touch {
 }
 
 impl Contact {
-    /// How far ahead its forces must look to be stable over h, from its own inertia 1 / w.
+    /// Chooses theta of its forces for stability over h, and computes its initial drag. `w` is along its normal,
+    /// `across` the sum over both tangential directions. `held`: force (N) and torque (N m) of the substep before.
     #[inline]
-    pub(super) fn weigh(&mut self, w: f64, h: f64, friction: Friction) {
+    pub(super) fn set_thetas(&mut self, w: f64, across: f64, held: &Wrench, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
-        self.material.damping = self.material.damper(vn);
+        self.dampers = [self.material.damping, self.material.stiffness * self.material.release].map(|d| [d, damper(h, d, w)]);
+        let [damping, damper_theta] = self.dampers[usize::from(vn >= 0.0)];
+        self.material.damping = damping;
+        if friction == Friction::Coulomb {
+            self.material.friction_damping = STICK_DRAG / (h * across.max(MIN_INV_MASS));
+            self.hold(held);
+            (self.slip_offset_start, self.turning.turn_offset_start) = (self.slip_offset, self.turning.turn_offset);
+        }
         let m = &self.material;
         let normal = (-(m.stiffness * self.gap + m.damping * vn)).max(0.0);
-        self.across = drag(normal, (self.velocity - self.normal * vn).norm(), m, friction);
-        self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
+        let slip = self.velocity - self.normal * vn - self.slip_offset;
+        self.drag = drag(normal, slip.norm(), m, friction);
+        self.theta = [spring_theta(h * h * m.stiffness * w), damper_theta, damper(h, self.drag, w)];
         if self.turns() {
-            self.turning = self.turn_drags(normal, &self.spin);
+            self.turning.set_thetas(&self.normal, &self.material, normal);
         }
+    }
+
+    /// Sets the slip offsets so that at zero slip its drags give this wrench, less the normal force: a force (N) and a
+    /// torque (N m).
+    #[inline]
+    pub(super) fn hold(&mut self, Wrench { lin: force, ang: torque }: &Wrench) {
+        let stiff = self.material.friction_damping;
+        self.slip_offset = if stiff > 0.0 { (force - self.normal * self.normal.dot(force)) / stiff } else { Vector3::zeros() };
+        if self.turns() && stiff > 0.0 {
+            self.turning.turn_offset = torque / self.turning.stick(&self.material);
+        }
+    }
+
+    /// Whether the damper sees the point part, at a normal velocity (m/s) at the substep's start and its change.
+    #[inline]
+    pub(super) fn parts(&self, vn: f64, dn: f64) -> bool {
+        vn + self.dampers[0][1] * dn >= 0.0
     }
 
     /// Whether it has torsional or rolling friction.
@@ -121,30 +154,14 @@ impl Contact {
         self.material.torsion > 0.0 || self.material.rolling > 0.0
     }
 
-    /// Drags of torsional and rolling friction under a normal force: Coulomb's torque over the angular velocity, which creeps below [`CREEP`].
-    fn turn_drags(&self, normal: f64, spin: &Vector3<f64>) -> [f64; 2] {
-        let about = self.normal.dot(spin);
-        let across = (spin - self.normal * about).norm();
-        [(self.material.torsion, about.abs()), (self.material.rolling, across)].map(|(arm, rate)| arm * normal / rate.max(CREEP))
+    /// Wrench on its link at the point: force (N) and torque (N m).
+    pub(super) fn wrench(&self) -> Wrench {
+        Wrench::new(self.turning.torque, self.force)
     }
 
-    /// Torque (N m) of torsional and rolling friction on its link at an angular velocity.
-    #[inline]
-    pub(super) fn turn_torque(&self, spin: &Vector3<f64>) -> Vector3<f64> {
-        let [about, across] = self.turning;
-        self.normal * (-(about - across) * self.normal.dot(spin)) - spin * across
-    }
-
-    /// Drags of torsional and rolling friction after a change of the angular velocity; whether another solve is asked for.
-    pub(super) fn settle_turns(&mut self, change: &Vector3<f64>, settled: f64) -> bool {
-        let drags = self.turn_drags(self.normal.dot(&self.force).max(0.0), &(self.spin + change));
-        let changed = drags.iter().zip(self.turning).any(|(new, old)| (new - old).abs() > settled * old.max(1e-12));
-        self.turning = drags;
-        changed
-    }
-
-    /// Its `start` and `turn`, from velocities and accelerations of `data` at zero `qdd`: `J_dot qd = a + w_dot x x + w x x_dot - turn`
-    /// with `turn` (m/s^2) the root's, which its coordinates' rates have; `free = g - turn`, since `a` has gravity taken off.
+    /// Computes `start` and `turn` from velocities and accelerations in `data` at zero `qdd`. With the argument
+    /// `turn = w x p_dot` (m/s^2) of the root, `J_dot qd = a + w_dot x x + w x x_dot - turn`. `free = g - turn`, since
+    /// `data` has accelerations less gravity.
     #[inline]
     pub(super) fn bend(&mut self, point: &ContactPoint, data: &Data, free: &Vector3<f64>, turn: &Vector3<f64>, h: f64) {
         let twist = &data.velocity[self.link];
@@ -154,7 +171,7 @@ impl Contact {
                 let centre = data.position[self.link] + rotation * point.local;
                 twist.at(&centre) + point.runs(rotation, &self.normal, &twist.ang, h)
             }
-            // The middle of its ball.
+            // The centre of its ball.
             _ => twist.at(&(self.x + self.normal * point.radius)),
         };
         let bend = data.acceleration[self.link].at(&self.x) + twist.ang.cross(&moves) + free;
@@ -162,94 +179,114 @@ impl Contact {
         self.turn = (turn + bend) * h;
     }
 
-    /// Its force on the robot before the substep, and what resists along and across its normal.
+    /// Force (N) on the robot at zero `qdd`, and resistances (N s/m) along and across its normal: the entries of D.
     #[inline]
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
-        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
-        let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.across);
+        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.theta);
+        let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.drag);
         let (velocity, turn) = (&self.start, &self.turn);
         let vn = n.dot(velocity);
-        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn) * self.across;
+        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn - self.slip_offset) * self.drag;
         (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
     }
 
-    /// Its force and drag after a change `h J qdd` of its velocity; whether another solve is asked for.
+    /// Updates force and drag after a change `h J qdd` of its velocity; returns whether another solve is needed.
     #[inline]
-    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
-        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
+    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, (settled, pass): (f64, usize)) -> bool {
+        let (n, m, [spring, damper, slide]) = (self.normal, &self.material, self.theta);
         let (velocity, change) = (&self.start, change + self.turn);
         let (vn, dn) = (n.dot(velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
         let seen = velocity + change * slide;
-        let slip = seen - n * n.dot(&seen);
-        self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.across };
-        let across = drag(normal.max(0.0), slip.norm(), m, friction);
-        let changed = self.parted || (across / self.across - 1.0).abs() > settled;
-        self.across = across;
+        let slip = seen - n * n.dot(&seen) - self.slip_offset;
+        self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.drag };
+        // Taken at the substep's start alone, the damping would make the next state of a resting robot jump.
+        let [damping, damper] = self.dampers[usize::from(self.parts(vn, dn))];
+        let other_damping = (damping - m.damping).abs() * (vn + damper * dn).abs() > settled * normal.abs();
+        let mut next = drag(normal.max(0.0), slip.norm(), m, friction);
+        let mut settled = settled;
+        if friction == Friction::Coulomb {
+            let inertia = 2.0 * m.friction_damping / STICK_DRAG;
+            if pass < BREAKAWAY_SOLVES {
+                next = breaking(normal.max(0.0), slip.norm(), self.drag, m, inertia);
+            }
+            // A slip that a force within the cone can stop sticks at once. Only in the first solve: the points of one
+            // body would take turns.
+            if pass == 0 && slip.norm() * (self.drag + inertia) <= m.friction * normal {
+                next = m.friction_damping;
+            }
+            // Drag above the point's inertia over the substep changes little, so a rise needs no small tolerance.
+            if next > self.drag {
+                settled *= 1.0 + self.drag / inertia;
+            }
+        }
+        let changed = self.parted || other_damping || (next / self.drag - 1.0).abs() > settled;
+        (self.drag, self.material.damping, self.theta[1]) = (next, damping, damper);
         changed
     }
 }
 
 impl Spring {
     #[inline]
-    pub(super) fn weigh(&mut self, w: f64, h: f64) {
-        self.ahead = [ahead(h * h * self.stiffness * w), damper(h, self.damping, w)];
+    pub(super) fn set_thetas(&mut self, w: f64, h: f64) {
+        self.theta = [spring_theta(h * h * self.stiffness * w), damper(h, self.damping, w)];
     }
 
-    /// Its force on the joint before the substep, and what resists.
+    /// Force on the joint at zero `qdd`, and implicit resistance.
     #[inline]
     pub(super) fn push(&self, h: f64) -> (f64, f64) {
-        let [spring, damper] = self.ahead;
+        let [spring, damper] = self.theta;
         let force = -(self.stiffness * self.gap + self.damping * self.rate);
         (self.side * force, spring * h * self.stiffness + damper * self.damping)
     }
 
-    /// Its force after a change of its rate over h.
+    /// Force in the gap's direction, after a change of its rate over h.
     #[inline]
     pub(super) fn force(&self, change: f64, h: f64) -> f64 {
-        let [spring, damper] = self.ahead;
+        let [spring, damper] = self.theta;
         -(self.stiffness * (self.gap + spring * h * change) + self.damping * (self.rate + damper * change))
     }
 }
 
 impl DryFriction {
-    /// A contact's that would rub alike.
+    /// Material of a contact with the same friction.
     #[inline]
     pub(super) fn material(&self) -> Material {
         Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0, ..Material::default() }
     }
 
-    /// Its drag at a rate of the joint.
+    /// Drag at a rate of the joint.
     #[inline]
     pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
         drag(self.most, rate.abs(), &self.material(), friction)
     }
 
-    /// Its drag after a change of its rate; whether another solve is asked for.
+    /// Updates the drag after a change of the rate; returns whether another solve is needed.
     #[inline]
     pub(super) fn settle(&mut self, change: f64, friction: Friction, settled: f64) -> bool {
-        let across = self.drag(self.rate + change, friction);
-        let changed = (across / self.across - 1.0).abs() > settled;
-        self.across = across;
+        let next = self.drag(self.rate + change, friction);
+        let changed = (next / self.drag - 1.0).abs() > settled;
+        self.drag = next;
         changed
     }
 }
 
-/// The share of a spring with `z = h^2 k w`: it keeps energy, or loses it where the substep is too long to follow it.
+/// Theta of a spring with `z = h^2 k w`: it keeps the spring's energy, or loses some where the substep is too long to
+/// resolve it.
 #[inline]
-pub(super) fn ahead(z: f64) -> f64 {
-    (0.5 - 0.5 / z).max(EVEN)
+pub(super) fn spring_theta(z: f64) -> f64 {
+    (0.5 - 0.5 / z).max(MEAN_THETA)
 }
 
-/// The share of a damper d that keeps it stable.
+/// Theta of a damper d that keeps it stable.
 #[inline]
 fn damper(h: f64, d: f64, w: f64) -> f64 {
     (1.0 - 1.0 / (h * d * w)).max(0.5)
 }
 
-/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
-/// negative, and its mean there. None if it never is.
+/// Part of a substep during which a gap is negative, and its mean there; `None` if it never is. The gap is `middle` at
+/// the middle and changes by `half` until the end.
 pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
     let (least, most) = (middle - half.abs(), middle + half.abs());
     match (least < 0.0, most <= 0.0) {
@@ -259,7 +296,7 @@ pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
     }
 }
 
-/// A material that acts for a part of the time.
+/// A material scaled to act for a part of the substep.
 pub(super) fn part_of(material: &Material, part: f64) -> Material {
     Material {
         stiffness: part * material.stiffness,

@@ -1,6 +1,6 @@
 //! Working memory of the implicit step.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, SVector};
 
 use super::{along::Tree, touch::Touch};
 use crate::prelude::*;
@@ -9,31 +9,42 @@ use crate::prelude::*;
 pub(super) struct Touches {
     pub(super) touches: Vec<Touch>,
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
-    /// w of every point with every collider, of every joint's limit and of every drive, found once a frame.
+    /// Inverse effective mass w of every pair of point and collider, every joint's limit and every drive, computed once
+    /// a frame.
     pub(super) weights: Vec<Option<f64>>,
-    /// Damping of each joint: its own, or what its spring asks for where the substep is too long to follow it.
-    pub(super) braked: Vec<f64>,
-    /// What the joints' own dampers and springs resist with, their shares of `h d` and `h^2 k`.
+    /// By pair of point and collider: w across the normal, summed over both directions, and the contact's wrench in the
+    /// substep before.
+    pub(super) slides: Vec<(f64, Wrench)>,
+    /// Damping of each joint: its own, or more where its spring is too stiff for the substep.
+    pub(super) damping_used: Vec<f64>,
+    /// Implicit resistance of the joints' own dampers and springs, `theta h d + theta h^2 k`.
     pub(super) shares: Vec<f64>,
-    /// The substep for which they were found (s); 0: for none.
+    /// Substep (s) of the present `damping_used` and `shares`; 0: none yet.
     pub(super) shared: f64,
-    /// Whether the substep's mass matrix alone is inverted.
+    /// Whether the substep's mass matrix without touches has been factorised.
     pub(super) plain: bool,
-    /// The springs' torques in the middle of the substep.
+    /// Torques of the joints' springs at the middle of the substep.
     pub(super) pull: Vec<f64>,
-    /// Whether contacts and limits take the means over a substep, whatever its length: they ring, and give no energy.
-    pub(super) even: bool,
-    /// Whether something was met in the frame that may give energy.
-    pub(super) eventful: bool,
-    /// Work (J) of the drives in the frame, and its size either way.
+    /// Whether contacts and limits have theta 1/2 (springs 1/4) in any substep: too stiff a spring then rings, but
+    /// gains no energy.
+    pub(super) mean_theta: bool,
+    /// Whether anything happened in the frame that may gain energy.
+    pub(super) may_gain_energy: bool,
+    /// Factor on the frame's final velocities that removes gained energy (`energy.rs`).
+    pub(super) velocity_factor: f64,
+    /// Work (J) of the drives in the frame, and the sum of its absolute values.
     pub(super) work: (f64, f64),
     pub(super) mass: DMatrix<f64>,
-    /// Where the tree is too deep for the matrix.
+    /// Solver along the tree, for trees too deep for the matrix.
     pub(super) tree: Option<Tree>,
-    /// Velocity in the middle of the substep, as the bias sees it, and the rate of change of velocities in the last one.
+    /// Velocity at the middle of the substep, for the bias forces, and the latest rate of change of the velocities.
     pub(super) middle: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) right: Vec<f64>,
+    /// Columns of the Jacobian of a contact's point, and of a joint.
+    pub(super) rows: Vec<Vector3<f64>>,
+    pub(super) alone: Vec<SVector<f64, 1>>,
+    /// Coordinates at the substep's start.
     pub(super) before: Vec<f64>,
 }
 
@@ -45,7 +56,8 @@ impl Touches {
             touches: Vec::with_capacity(points + 3 * joints),
             columns: Vec::with_capacity(points * nv),
             weights: vec![None; points + 2 * joints],
-            braked: vec![0.0; joints],
+            slides: Vec::with_capacity(points),
+            damping_used: vec![0.0; joints],
             shares: vec![0.0; joints],
             pull: vec![0.0; joints],
             mass: DMatrix::zeros(nv, nv),
@@ -53,12 +65,14 @@ impl Touches {
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],
+            rows: vec![Vector3::zeros(); nv],
+            alone: vec![SVector::zeros(); nv],
             before: vec![0.0; robot.nq()],
             ..Self::default()
         }
     }
 
-    /// Adds this share of the contacts' forces to those of their points.
+    /// Adds the contacts' forces, times `share`, to the forces on their points.
     pub(super) fn tell(&self, share: f64, forces: &mut [Vector3<f64>]) {
         for touch in &self.touches {
             if let Touch::Contact(contact) = touch {
@@ -67,7 +81,16 @@ impl Touches {
         }
     }
 
-    /// Adds the drives' work in a substep that begins at velocities `qd`.
+    /// Stores the contacts' wrenches, which friction holds with in the next substep.
+    pub(super) fn hold(&mut self) {
+        for touch in &self.touches {
+            if let Touch::Contact(contact) = touch {
+                self.slides[contact.index].1 = contact.wrench();
+            }
+        }
+    }
+
+    /// Adds the drives' work over a substep that begins at velocities `qd`.
     pub(super) fn drive(&mut self, dofs: usize, h: f64, qd: &[f64]) {
         for touch in &self.touches {
             let Touch::Drive { spring, held, .. } = touch else { continue };
@@ -78,12 +101,14 @@ impl Touches {
         }
     }
 
-    /// A frame begins; room for every point to touch every collider.
+    /// Begins a frame, with room for every point to touch every collider.
     pub(super) fn begin(&mut self, robot: &Robot, scene: &Scene) {
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
         self.shared = 0.0;
         self.weights.clear();
         self.weights.resize(pairs + 2 * joints, None);
+        self.slides.clear();
+        self.slides.resize(pairs, (0.0, Wrench::default()));
         self.touches.clear();
         self.touches.reserve(pairs + 3 * joints);
         self.columns.clear();

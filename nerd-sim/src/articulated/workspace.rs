@@ -1,4 +1,4 @@
-//! Working memory of a frame, and the contact events in it.
+//! Working memory of a frame, and its contact queries.
 
 use nerd_core::dynamics::{Factor, velocities};
 
@@ -7,12 +7,12 @@ use super::{kept::Kept, memory::Memory, touches::Touches};
 use crate::prelude::*;
 use crate::scene::Meeting;
 
-/// The materials with which a robot meets the colliders of a scene.
+/// Materials of a robot's contacts with the colliders of a scene.
 #[derive(Default)]
 pub(super) struct Materials {
-    /// By collider, the mean of both.
+    /// By collider: mean of its material and the robot's.
     means: Vec<Material>,
-    /// Largest margin of what the file says (m).
+    /// Largest contact margin of any pair (m).
     pub(super) margin: f64,
 }
 
@@ -32,7 +32,7 @@ impl Materials {
         self.means.is_empty()
     }
 
-    /// That of a contact point and a collider, the k-th; none if they never meet.
+    /// Material of a contact point on the k-th collider; `None` if they never meet.
     #[inline]
     pub(super) fn of(&self, system: &System, point: &ContactPoint, collider: &Collider, k: usize) -> Option<Material> {
         let mean = self.means[k];
@@ -43,34 +43,35 @@ impl Materials {
     }
 }
 
-/// Working memory of one environment at a time; nothing in it outlives a frame.
+/// Working memory of one environment at a time; nothing survives a frame.
 pub(super) struct Workspace {
     pub(super) data: Data,
     pub(super) factor: Factor,
     pub(super) materials: Materials,
-    /// Contact events, and the point of each.
+    /// Contact events, and the contact point of each.
     pub(super) events: Vec<ContactEvent>,
     pub(super) owners: Vec<usize>,
     pub(super) touches: Touches,
     pub(super) stiff: Stiff,
-    /// The substep (s) that the frame began with, before its energy asked for shorter ones.
+    /// Substep (s) of the frame's first attempt, before the energy watch shortens it.
     pub(super) whole: f64,
     /// Drives of the joints; empty: none.
     pub(super) drives: Vec<Drive>,
-    /// Whether they are those of servos, and the torques that these leave to be held.
+    /// Whether `drives` are servos, computed from the frame's torques.
     pub(super) servo: bool,
+    /// Torques (N m) of joints without servo gains, constant over the frame.
     pub(super) rest: Vec<f64>,
     /// Mean force (N) on each contact point in the frame, world axes.
     pub(super) forces: Vec<Vector3<f64>>,
-    /// Of the explicit integrators.
+    /// Working memory of the explicit integrators.
     pub(super) rates: [Vec<f64>; 4],
     pub(super) trial: Vec<f64>,
     pub(super) start: Vec<f64>,
-    /// Change of a drag that asks for no other solve, and solves at most, of this frame.
+    /// Relative change of a drag below which no further solve is needed, and the most solves of a substep.
     pub(super) settling: (f64, usize),
-    /// What the frame did, while it is to be gone back.
+    /// Record of the frame, when its gradient is wanted.
     pub(super) kept: Option<Kept>,
-    /// Of the way back, once that was asked for.
+    /// Working memory of the backward pass, once requested.
     pub(super) back: Option<Box<Memory>>,
 }
 
@@ -100,18 +101,18 @@ impl Workspace {
         }
     }
 
-    /// Contact events of all points with every collider that they may touch within a time (s) at their present velocity,
-    /// or nearer than `margin` (m).
+    /// Contact events of every point with every collider within `margin` (m) plus the distance covered in `time` (s) at
+    /// its present velocity.
     pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
         let robot = &system.robot;
         self.events.clear();
         if let [only] = &scene.colliders[..] {
-            // It is looked at wherever it is, by every point in turn. Of a plane its normal is all that is asked for, so the middle of where
-            // a point may be is as good as the point.
+            // A single collider is queried at any distance. Of a plane only the normal is used, so the middle of a
+            // point's locus serves.
             let flat = only.plane.is_some();
             for point in &robot.contact_points {
                 let middle = point_position(&self.data, point.link, &point.local);
-                // One push each: an event that comes from either is copied by way of the stack, at a tenth of a substep.
+                // One push per branch: a common push copies the event over the stack, at a tenth of a substep's time.
                 if flat || point.locus.is_fixed() {
                     self.events.push(only.query(&middle));
                 } else {
@@ -134,7 +135,7 @@ impl Workspace {
         if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
     }
 
-    /// Names the contact point and the collider between which there is no distance.
+    /// Error text with the contact point and the collider that have no distance.
     #[cold]
     fn lost(&self, robot: &Robot, scene: &Scene) -> String {
         let found = self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan());

@@ -1,7 +1,7 @@
-//! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts: `S' = A S + P` with a frame's
-//! derivatives A with respect to the state before and P with respect to the parameters. Descent goes from short rollouts to long ones: over
-//! a few frames the objective is smooth, and its minimum lies in the valley of long rollouts (Levenberg and Marquardt's method within
-//! bounds).
+//! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts. `S' = A S + P`, with
+//! a frame's Jacobians A (previous state) and P (parameters). Descent (Levenberg-Marquardt within bounds) goes from
+//! short to long rollouts: over a few frames the objective is smooth, and its minimum lies in the valley of long
+//! rollouts.
 
 use std::ops::AddAssign;
 
@@ -14,29 +14,30 @@ use super::subject::{Engine, Subject};
 use super::trial::{Distance, Trial};
 use crate::{log::turned, prelude::*};
 
-/// Step of the parameters' places for central differences of starts.
+/// Step of the scaled parameters for central differences of starts.
 const SIDE: f64 = 1e-5;
-/// Sensitivity norm (units per unit change of all places) at which a frame's weight is halved: after a bounce that may go either way,
-/// frames carry no information about it.
+/// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight: after a
+/// chaotic bounce, frames carry no information.
 const FAR: f64 = 150.0;
-/// Sensitivity at which a rollout ends, before its numbers overflow.
+/// Largest sensitivity of a rollout; it ends there to avoid overflow.
 const HOPELESS: f64 = 1e9;
-/// Differences below this many units count by their squares.
+/// Differences below this many units count quadratically.
 const NEAR: f64 = 0.1;
 
-/// Gradient of the objective with respect to the parameters' places between their bounds, and its Gauss-Newton Hessian: a distance d counts
-/// as a square over d (iteratively reweighted least squares).
+/// Gradient of the objective with respect to the scaled parameters (0 to 1 between their bounds), and its Gauss-Newton
+/// Hessian. A distance d counts as d^2 / d (iteratively reweighted least squares).
 pub(super) struct Bent {
-    pub(super) slope: DVector<f64>,
+    pub(super) gradient: DVector<f64>,
     pub(super) curvature: DMatrix<f64>,
 }
 
 impl Bent {
     fn none(p: usize) -> Self {
-        Self { slope: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
+        Self { gradient: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
     }
 
-    /// Adds a difference (in units of `unit`) and its sensitivities; like the objective, it adds nothing without a unit.
+    /// Adds a difference (normalised by `unit`) and its sensitivities. Like the objective, it adds nothing without a
+    /// unit.
     fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
         if !unit.is_normal() {
             return;
@@ -44,13 +45,14 @@ impl Bent {
         let apart = DVector::from_column_slice(apart);
         let far = by.norm() / (FAR * unit);
         let weight = share / ((1.0 + far * far) * unit * apart.norm().max(NEAR * unit));
-        self.slope.gemv_tr(weight, &by, &apart, 1.0);
+        self.gradient.gemv_tr(weight, &by, &apart, 1.0);
         self.curvature.gemm_tr(weight, &by, &by, 1.0);
     }
 }
 
 impl Subject {
-    /// Gradient and Hessian at these values, for a subject without them; nothing if its solver has no gradients.
+    /// Gradient and Gauss-Newton Hessian at `values`, where `self` has nominal parameters; `None` if the solver has no
+    /// gradients.
     pub(super) fn bent(
         &self,
         parameters: &[Parameter],
@@ -85,19 +87,19 @@ impl Subject {
             for (frame, measured) in trial.measured[1..].iter().enumerate() {
                 let asked = trial.asked(frame);
                 let acting = own.late(&asked);
-                let slopes = match solver.back_by_numbers(batch, &acting, rows, &identity) {
+                let gradients = match solver.back_by_numbers(batch, &acting, rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
-                    // A rollout that cannot go on adds nothing more.
+                    // A rollout that cannot continue adds no further frames.
                     Err(_) => break,
                 };
-                s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s
-                    + DMatrix::from_row_slice(rows, by.nrows(), &slopes.numbers) * &by;
-                let by_torques = DMatrix::from_row_slice(rows, acting.len(), &slopes.torques);
+                s = DMatrix::from_row_slice(rows, rows, &gradients.states) * s
+                    + DMatrix::from_row_slice(rows, by.nrows(), &gradients.numbers) * &by;
+                let by_torques = DMatrix::from_row_slice(rows, acting.len(), &gradients.torques);
                 for (k, parameter) in parameters.iter().enumerate() {
                     let change = match parameter.what {
                         What::Delay => {
-                            // Between two frames; at a whole delay, on the side of the smaller one.
+                            // Between two frames; at a whole number of frames, the derivative toward smaller delays.
                             let last = (own.delay.ceil() as usize).clamp(1, asked.len() - 1);
                             let ways = asked[last].iter().zip(asked[last - 1]).zip(&own.strength);
                             let later = ways.map(|((before, now), factor)| (before - now) * factor);
@@ -108,12 +110,12 @@ impl Subject {
                     };
                     s.column_mut(k).add_assign(&(change * by_place[k]));
                 }
-                // Frames with such sensitivities would have no weight.
+                // Frames with such sensitivities have negligible weight.
                 if !s.iter().all(|x| x.abs() < HOPELESS) {
                     break;
                 }
-                batch.reset(0, &slopes.next);
-                let mut q = slopes.next[..nq].to_vec();
+                batch.reset(0, &gradients.next);
+                let mut q = gradients.next[..nq].to_vec();
                 own.shift(&mut q, -1.0);
                 let q = &q[..];
                 if robot.floating() {
@@ -134,13 +136,13 @@ impl Subject {
             Some(bent)
         };
         let all: Vec<Option<Bent>> = trials.par_iter().map_init(begin, one).collect();
-        let sum = |a: Bent, b: Bent| Bent { slope: a.slope + b.slope, curvature: a.curvature + b.curvature };
+        let sum = |a: Bent, b: Bent| Bent { gradient: a.gradient + b.gradient, curvature: a.curvature + b.curvature };
         Ok(all.into_iter().collect::<Option<Vec<_>>>().map(|all| {
             let mut bent = all.into_iter().fold(Bent::none(p), sum);
-            // Sums over trials and parts; the objective is their mean.
+            // `bent` sums over trials and parts, while the objective is their mean.
             let share = (trials.len() * unit.iter().filter(|unit| **unit > 0.0).count()) as f64;
             for (k, (parameter, value)) in parameters.iter().zip(values).enumerate() {
-                bent.slope[k] += share * parameter.pull(*value)[1];
+                bent.gradient[k] += share * parameter.pull(*value)[1];
                 bent.curvature[(k, k)] += share * 2.0 * parameter.weight;
             }
             bent
@@ -150,22 +152,22 @@ impl Subject {
 
 /// Initial and least damping.
 const DAMPING: [f64; 2] = [1e-2, 1e-4];
-/// Share of the mean curvature that the damping adds to parameters without curvature of their own.
+/// Share of the mean curvature that is added, times the damping, to all parameters, including those without curvature.
 const RIDGE: f64 = 0.01;
-/// Longest step, as a share of the bounds.
+/// Longest step, in scaled parameters.
 const LONGEST: f64 = 0.2;
-/// The least share a round must gain for another one to follow, and the most rounds.
+/// Least relative gain of a round for another one to follow, and maximum number of rounds.
 const LEAST: f64 = 0.001;
 const ROUNDS: usize = 12;
 
-/// The values after a step against the gradient.
+/// The values after a damped Gauss-Newton step; `None` if the matrix is not positive definite.
 fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) -> Option<Vec<f64>> {
-    let (mut h, mut g, n) = (bent.curvature.clone(), bent.slope.clone(), values.len());
+    let (mut h, mut g, n) = (bent.curvature.clone(), bent.gradient.clone(), values.len());
     let ridge = RIDGE * h.trace() / n as f64;
     let x: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.place(*v)).collect();
     for k in 0..n {
         h[(k, k)] += damping * (h[(k, k)] + ridge);
-        // A parameter at a bound stays there if its step would leave it.
+        // A parameter at a bound stays there if its step would leave the bounds.
         if x[k] <= 0.0 && g[k] > 0.0 || x[k] >= 1.0 && g[k] < 0.0 {
             h.row_mut(k).fill(0.0);
             h.column_mut(k).fill(0.0);
@@ -177,7 +179,8 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
     Some(parameters.iter().zip(&x).zip(step.iter()).map(|((p, x), s)| p.at(x - cut * s)).collect())
 }
 
-/// Descends from `values` while it pays and the budget allows; returns the objective there, or nothing where there are no gradients.
+/// Descends from `values` while the objective improves and the budget allows. Returns the objective there; `None`
+/// without gradients.
 pub(super) fn descend(
     parameters: &[Parameter],
     values: &mut Vec<f64>,

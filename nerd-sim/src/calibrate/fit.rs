@@ -1,5 +1,5 @@
-//! The fit: descent by gradients where the solver has them; elsewhere CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A
-//! Tutorial", arXiv 1604.00772; crate fcmaes-core).
+//! Fits parameters: descent where the solver has gradients, else CMA-ES within the bounds (Hansen, "The CMA Evolution
+//! Strategy: A Tutorial", arXiv 1604.00772; crate fcmaes-core).
 
 use std::cell::Cell;
 
@@ -11,53 +11,57 @@ use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
-/// How to fit. Both methods go from coarse to fine: the first half of a search, two searches, and all stages of a descent but the last use
-/// a quarter of the trials.
+/// Settings of a fit. Both methods go from coarse to fine. The two coarse searches in the first half of the budget use
+/// a quarter of the trials. So do all stages of a descent but the last.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
-    /// Budget in evaluations of the objective. A search's evaluation counts 1, a descent's by its share of trials and frames.
+    /// Budget in evaluations of the objective. An evaluation of a search counts 1, one of a descent by its share of
+    /// trials and frames.
     pub evaluations: usize,
-    /// Most trials that the second half uses, evenly chosen.
+    /// Maximum number of trials, evenly chosen.
     pub trials: usize,
     /// Seed of the search; a descent is deterministic.
     pub seed: u64,
-    /// Whether to descend where the solver has gradients; otherwise it searches, too.
-    pub slopes: bool,
+    /// Whether to use gradients where the solver has them; otherwise CMA-ES is used.
+    pub gradients: bool,
 }
 
 impl Default for FitConfig {
     fn default() -> Self {
-        Self { evaluations: 1000, trials: 500, seed: 0, slopes: true }
+        Self { evaluations: 1000, trials: 500, seed: 0, gradients: true }
     }
 }
 
-/// Frames and trials that each stage of a descent uses, as shares of all.
+/// Shares of frames and of trials in each stage of a descent.
 pub(super) const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
-/// Least distance from the bounds at which a descent begins: at zero, dry friction has no gradient.
+/// Least distance of a descent's start from the bounds, in scaled parameters: at zero, dry friction has no gradient.
 pub(super) const INSIDE: f64 = 0.01;
-/// Cost of a round's gradients, in evaluations of the objective over as many trials.
+/// Cost of a round's gradients, in evaluations of the objective over the same trials.
 pub(super) const PASS: f64 = 10.0;
-/// Initial steps of the coarse and of the fine search, as shares of the bounds.
+/// Initial step sizes of the coarse and the fine search, in scaled parameters.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
 /// Result of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Fit {
-    /// Values of the parameters, in their order.
+    /// Values of the parameters, in order of the parameters.
     pub values: Vec<f64>,
-    /// The objective there: mean of the distances, each relative to its value without a fit, plus the cost of the parameters.
+    /// Objective at `values`: mean of the distances, each relative to its nominal value, plus the cost of the
+    /// parameters.
     pub objective: f64,
-    /// Mean distances without a fit.
+    /// Mean distances with nominal parameters.
     pub before: Distance,
-    /// Mean distances with the fit.
+    /// Mean distances with `values`.
     pub after: Distance,
-    /// Evaluations of the objective; one over a share of trials and frames counts as that share, a round's gradients ten times as much.
+    /// Evaluations of the objective, weighted by their share of trials and frames; a round's gradients count ten times
+    /// as much.
     pub evaluations: f64,
-    /// Whether it was found by gradients.
-    pub slopes: bool,
+    /// Whether gradients were used.
+    pub gradients: bool,
 }
 
-/// Mean of the distances, each relative to its value in `unit`; joints only where the robot has some.
+/// Mean of the distances, each relative to its value in `unit`; parts without a unit, such as joints of a single body,
+/// are left out.
 pub(super) fn objective(apart: &Distance, unit: &Distance) -> f64 {
     let parts = apart.parts().into_iter().zip(unit.parts());
     let (sum, n) = parts.filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
@@ -74,7 +78,7 @@ struct Search<'a> {
     parameters: &'a [Parameter],
     trials: &'a [Trial],
     unit: Distance,
-    /// Count of an evaluation, and of all so far.
+    /// Cost of an evaluation, and total cost so far.
     share: f64,
     spent: &'a Cell<f64>,
 }
@@ -91,7 +95,7 @@ impl<'a> Search<'a> {
         Ok(Self { subject, parameters, trials, unit: mean(&subject.distances(trials)?), share, spent })
     }
 
-    /// The objective at these values, and the distances it is made of.
+    /// The objective at `values`, and the mean distances.
     fn worth(&self, values: &[f64]) -> Result<(f64, Distance), CalibrateError> {
         self.spent.set(self.spent.get() + self.share);
         let apart = mean(&self.subject.with(self.parameters, values)?.distances(self.trials)?);
@@ -99,7 +103,7 @@ impl<'a> Search<'a> {
         Ok((if worth.is_finite() { worth } else { f64::MAX }, apart))
     }
 
-    /// The best values that a search from some of them finds, preceded by the objective there.
+    /// Runs CMA-ES from `from`; returns the best objective and its values.
     fn run(
         &self,
         from: &[f64],
@@ -136,11 +140,11 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The best values that searches find, from coarse to fine.
+/// Runs CMA-ES from coarse to fine; returns the best values.
 fn searched(all: &Search, few: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64)) -> Result<Vec<f64>, CalibrateError> {
     let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
     let nominal: Vec<f64> = all.parameters.iter().map(|p| p.nominal).collect();
-    // Coarse, twice: contact has separate minima, such as high friction that creeps and low friction that holds.
+    // Two coarse searches: contact has separate minima, such as high friction that creeps and low friction that sticks.
     let coarse = Search::new(all.subject, all.parameters, few, few.len() as f64 / all.trials.len() as f64, all.spent)?;
     let mut best = (f64::INFINITY, nominal.clone());
     for run in 0..2 {
@@ -171,13 +175,13 @@ impl Subject {
         let (few, spent) = (thinned(&fine, fine.len().div_ceil(4)), Cell::new(0.0));
         let all = Search::new(self, parameters, &fine, 1.0, &spent)?;
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
-        let descended = if config.slopes { self.descended(&all, &few, config.evaluations as f64, progress)? } else { None };
-        let slopes = descended.is_some();
+        let descended = if config.gradients { self.descended(&all, &few, config.evaluations as f64, progress)? } else { None };
+        let gradients = descended.is_some();
         let ends = match descended {
             Some(ends) => ends,
             None => vec![searched(&all, &few, config, progress)?],
         };
-        // A gain on a few trials may be a loss on all of them.
+        // A gain on a few trials may be a loss on all trials.
         let (mut best, mut values) = (all.worth(&nominal)?, nominal);
         for end in ends {
             let own = all.worth(&end)?;
@@ -186,10 +190,11 @@ impl Subject {
             }
         }
         let (objective, after) = best;
-        Ok(Fit { values, objective, before: all.unit, after, evaluations: spent.get(), slopes })
+        Ok(Fit { values, objective, before: all.unit, after, evaluations: spent.get(), gradients })
     }
 
-    /// The values at the end of each stage of a descent from nominal ones, within `budget`; nothing where there are no gradients.
+    /// Descends from nominal parameters within `budget`; returns the values after each stage, or `None` without
+    /// gradients.
     fn descended(
         &self,
         all: &Search,
@@ -219,7 +224,8 @@ impl Subject {
         Ok(Some(ends))
     }
 
-    /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.
+    /// Profile of the objective along each parameter with the others as fitted: pairs of value and objective, in
+    /// increasing order of the value. The objective excludes the cost of the parameters.
     pub fn profiles(
         &self,
         parameters: &[Parameter],

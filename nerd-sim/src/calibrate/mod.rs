@@ -1,8 +1,8 @@
-//! Calibration: parameters of a robot, its contacts and its scene, fitted to measured trajectories ([`crate::log`]).
+//! Calibration: fits parameters of a robot, its contacts and its scene to measured trajectories ([`crate::log`]).
 //!
-//! A [`Subject`] is a robot under a solver, a [`Parameter`] one of its numbers with a name and bounds, a [`Trial`] a piece of a measured
-//! trajectory. [`Subject::fit`] brings open-loop rollouts of the trials as near to them as the parameters allow, and [`Subject::profiles`]
-//! shows how sharply each parameter is determined.
+//! A [`Subject`] is a robot under a solver, and a [`Parameter`] a named number with bounds. A [`Trial`] is a piece of a
+//! measured trajectory. [`Subject::fit`] minimises the distance between trials and their open-loop rollouts.
+//! [`Subject::profiles`] shows how sharply each parameter is determined.
 //!
 //! ```no_run
 //! use nerd_sim::{calibrate::*, log::Log, prelude::*};

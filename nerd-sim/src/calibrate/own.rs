@@ -1,5 +1,5 @@
-//! Parameters that each trajectory has of its own, such as zeros set by hand, beside shared ones: one descent over all of them, in which a
-//! trajectory's own parameters get gradients from its trials alone.
+//! Fits parameters of individual trajectories, such as zeros set by hand, together with shared parameters, in one
+//! descent. A trajectory's parameters get gradients from its trials only.
 
 use std::{cell::Cell, collections::BTreeMap};
 
@@ -11,17 +11,17 @@ use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Trial, mean};
 
-/// Result of a fit of both kinds.
+/// Result of a fit of shared and individual parameters.
 pub struct OwnFit {
     /// Fit of the shared parameters.
     pub shared: Fit,
-    /// Values of each trajectory's own parameters, by its name.
+    /// Values of each trajectory's individual parameters, by trajectory.
     pub own: BTreeMap<u64, Vec<f64>>,
 }
 
 impl Subject {
-    /// Fits shared parameters, and each trajectory's own, to trials of several trajectories; `progress` receives evaluations done and the
-    /// best objective so far.
+    /// Fits shared parameters and each trajectory's individual parameters to trials of several trajectories. `progress`
+    /// receives evaluations done and the best objective so far.
     ///
     /// # Errors
     /// As [`Subject::fit`]; also for a solver without gradients.
@@ -41,7 +41,7 @@ impl Subject {
         let (s, o) = (shared.len(), own.len());
         let pair = [shared, own].concat();
         let all: Vec<Parameter> = shared.iter().chain(ids.iter().flat_map(|_| own)).cloned().collect();
-        // Indices of the k-th trajectory's parameters (shared and own) among all.
+        // Indices of the k-th trajectory's parameters (shared, then individual) among all.
         let places = |k: usize| (0..s).chain(s + k * o..s + (k + 1) * o).collect::<Vec<usize>>();
         let part = |values: &[f64], k: usize| places(k).into_iter().map(|i| values[i]).collect::<Vec<f64>>();
         let mut values: Vec<f64> = all.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
@@ -63,11 +63,11 @@ impl Subject {
             let pass = PASS * frames * share;
             let bent = |values: &[f64]| {
                 spent.set(spent.get() + pass);
-                let mut sum = Bent { slope: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
+                let mut sum = Bent { gradient: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
                 for (k, trials) in groups.iter().enumerate() {
                     let Some(found) = self.bent(&pair, &part(values, k), trials, &unit)? else { return Ok(None) };
                     for (a, &i) in places(k).iter().enumerate() {
-                        sum.slope[i] += found.slope[a];
+                        sum.gradient[i] += found.gradient[a];
                         places(k).iter().enumerate().for_each(|(b, &j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
                     }
                 }
@@ -75,7 +75,7 @@ impl Subject {
             };
             let may = || spent.get() + pass < config.evaluations as f64;
             let Some(best) = descend(&all, &mut values, may, worth, bent)? else {
-                let text = "parameters that each trajectory has of its own need slopes, which this solver has not; take articulated";
+                let text = "parameters that each trajectory has of its own need gradients, which this solver has not; take articulated";
                 return Err(CalibrateError::Parameter(text.into()));
             };
             progress(spent.get() as usize, best);
@@ -83,7 +83,7 @@ impl Subject {
         let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
         let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
         let (before, mut after) = (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
-        // The fit is kept only if it is no worse on all its trials than no fit.
+        // Keep the fit only if it is no worse on all its trials than nominal parameters.
         let kept = objective(&after, &before);
         if !kept.is_finite() || kept > objective(&before, &before) {
             values = all.iter().map(|p| p.nominal).collect();
@@ -92,6 +92,6 @@ impl Subject {
         let own = ids.iter().enumerate().map(|(k, id)| (*id, part(&values, k).split_off(s))).collect();
         values.truncate(s);
         let (objective, evaluations) = (objective(&after, &before), spent.get());
-        Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, slopes: true }, own })
+        Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, gradients: true }, own })
     }
 }

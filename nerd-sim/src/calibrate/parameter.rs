@@ -2,20 +2,20 @@
 
 use crate::prelude::*;
 
-/// Why nothing can be fitted; one line.
+/// Errors of calibration; one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrateError {
-    /// An unknown parameter, or one without effect.
+    /// A parameter is unknown or has no effect.
     #[error("{0}")]
     Parameter(String),
-    /// An unknown scene.
+    /// The scene is unknown.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// A step of the solver.
+    /// A step of the solver failed.
     #[error(transparent)]
     Step(#[from] StepError),
-    /// Nothing to fit to.
+    /// There is no trial to fit to.
     #[error("no trials to fit to")]
     Empty,
 }
@@ -28,41 +28,42 @@ impl CalibrateError {
     }
 }
 
-/// One parameter: name, value without a fit, bounds.
+/// A parameter with name, nominal value and bounds.
 ///
 /// | name | what | unit |
 /// |---|---|---|
 /// | `mass:LINK` | mass | kg |
-/// | `com.x:LINK` (y, z) | centre of mass in the link's frame as its file has it | m |
+/// | `com.x:LINK` (y, z) | centre of mass in the link frame of the robot's file | m |
 /// | `inertia:LINK` | factor on the inertia about the centre of mass | 1 |
-/// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of that frame | 1 |
-/// | `size` | factor on all lengths of the robot: its own metre against the log's | 1 |
-/// | `friction`, `stiffness`, `damping`, `friction-damping` | contact, robot and scene alike | 1, N/m, N s/m, N s/m |
-/// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
-/// | `restitution` | of rapier's contacts | 1 |
-/// | `gravity` | its size | m/s^2 |
-/// | `height`, `tilt.x`, `tilt.y` | shift and turns of the scene's plane from where it is described | m, rad |
+/// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of this frame | 1 |
+/// | `size` | factor on all lengths of the robot: its metre relative to the log's | 1 |
+/// | `friction`, `stiffness`, `damping` | contact, robot and scene alike | 1, N/m, N s/m |
+/// | `rounding` | radius of corners: contact points move inward and become spheres tangent to the same planes | m |
+/// | `restitution` | restitution of rapier's contacts | 1 |
+/// | `gravity` | magnitude of gravity | m/s^2 |
+/// | `height`, `tilt.x`, `tilt.y` | offset and rotations of the scene's plane from its specification | m, rad |
 /// | `lag` | frames by which measured velocities are older than their poses, in free fall | 1 |
-/// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
-/// | `armature:JOINT` | inertia of the drive at a joint | kg m^2 |
-/// | `zero:JOINT` | what a joint's sensor shows too little: its position is the reading and this | rad or m |
+/// | `joint-damping:JOINT`, `joint-friction:JOINT` | damping and dry friction of a joint | N m s/rad, N m |
+/// | `armature:JOINT` | rotor inertia at a joint | kg m^2 |
+/// | `zero:JOINT` | joint position at sensor reading 0: position = reading + zero | rad or m |
 /// | `strength:JOINT` | factor on the torque of a joint's motor | 1 |
-/// | `delay` | share of a frame by which torques act late | 1 |
+/// | `delay` | delay of torques in frames | 1 |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its name.
+    /// Name, as in the table above.
     pub name: String,
     /// Lower bound.
     pub low: f64,
     /// Upper bound.
     pub high: f64,
-    /// Its value without a fit.
+    /// Value without a fit.
     pub nominal: f64,
-    /// Whether it is searched in its logarithm.
+    /// Whether the parameter is scaled by its logarithm.
     pub logarithmic: bool,
-    /// Its unit.
+    /// Unit.
     pub unit: &'static str,
-    /// Cost of leaving the nominal value: the objective rises by this times the squared distance, in shares of the bounds. Default 0.
+    /// Cost of leaving the nominal value: the objective increases by this times the squared distance in scaled
+    /// parameters. Default 0.
     pub weight: f64,
     pub(super) what: What,
 }
@@ -77,7 +78,6 @@ pub(super) enum What {
     Friction,
     Stiffness,
     Damping,
-    FrictionDamping,
     Rounding,
     Restitution,
     Gravity,
@@ -93,11 +93,10 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: &str =
-    "friction, stiffness, damping, friction-damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
+const PLAIN: &str = "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
 impl Parameter {
-    /// The parameter of this name, with bounds from the robot's own values and size.
+    /// The parameter of this name, with bounds from the robot's nominal values and size.
     pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
         let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
         let plain = PLAIN.split(", ").any(|known| known == head);
@@ -135,7 +134,6 @@ impl Parameter {
             "friction" => ratio(What::Friction, m.friction.max(1e-3), 4.0, "1"),
             "stiffness" => ratio(What::Stiffness, m.stiffness.max(1.0), 10.0, "N/m"),
             "damping" => ratio(What::Damping, m.damping.max(1e-2), 20.0, "N s/m"),
-            "friction-damping" => ratio(What::FrictionDamping, m.friction_damping.max(1e-2), 100.0, "N s/m"),
             "rounding" => (What::Rounding, 0.0, 0.0, 0.1 * size, false, "m"),
             "restitution" => (What::Restitution, 0.0, 0.0, 0.8, false, "1"),
             "gravity" => (What::Gravity, g, 0.9 * g, 1.1 * g, false, "m/s^2"),
@@ -150,24 +148,24 @@ impl Parameter {
                 (What::Zero(k), 0.0, -most, most, false, unit)
             }
             "strength" => ratio(What::Strength(joint()?.0), 1.0, 1.5, "1"),
-            // Up to the damping that stops a tenth of mass times size squared within a fiftieth of a second.
+            // Up to damping that stops a tenth of mass x size^2 within a fiftieth of a second.
             "joint-damping" => {
                 joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?
             }
-            // Up to the friction that holds a tenth of the robot's weight on Earth at its size.
+            // Up to friction that holds a tenth of the robot's weight on Earth on a lever of its size.
             "joint-friction" => {
                 joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?
             }
-            // Up to a hundredth of mass times size squared.
+            // Up to a hundredth of mass x size^2.
             "armature" => joint().map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),
         };
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, weight: 0.0, what })
     }
 
-    /// Parameters that data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia,
-    /// masses of links relative to the root's, contact, the size of gravity and of the robot (in the log's own metres), the lag, the
-    /// ground's tilt, and damping and friction of joints.
+    /// Parameters that passive motion in a scene may determine, for `articulated` or `rapier`. Links: centre of mass,
+    /// inertia, mass relative to the root's. Scene: contact, magnitude of gravity, lag, tilt of the ground. Robot: size
+    /// (in the log's metres, if free), damping and friction of joints.
     pub fn usual(system: &System, scene: &str, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {
@@ -175,50 +173,49 @@ impl Parameter {
             let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass")).filter(|_| heavy);
             names.extend(own.map(|head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) }));
         }
-        let contact: &[&str] =
-            if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
+        let contact: &[&str] = if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
         let metre: &[&str] = if system.robot.floating() { &["size"] } else { &[] };
-        // A built-in scene has no plane of the robot's own that could be tilted.
+        // A built-in scene has no plane of the robot's specification to tilt.
         let own = system.robot.floating() && system.spec.scenes.iter().any(|s| s.name == scene);
         let lies: &[&str] = if own { &["tilt.x", "tilt.y"] } else { &[] };
         names.extend(contact.iter().chain(falls).chain(metre).chain(lies).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
-        // rapier has no dry friction of joints.
+        // rapier has no dry friction at joints.
         names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
         names.iter().map(|name| Self::named(system, name)).collect()
     }
 
-    /// Further parameters that torques may determine: inertia of drives, zeros of sensors, and the delay of torques.
+    /// Additional parameters that torques may determine: armature, zeros of sensors, delay of torques.
     pub fn driven(system: &System) -> Result<Vec<Self>, CalibrateError> {
         let joints = system.robot.joints().flat_map(|j| [format!("armature:{}", j.name), format!("zero:{}", j.name)]);
         joints.chain(["delay".into()]).map(|name| Self::named(system, &name)).collect()
     }
 
-    /// The value at `x` from 0 (its lower bound) to 1.
+    /// The value at scaled parameter `x`, from 0 (lower bound) to 1 (upper bound).
     pub fn at(&self, x: f64) -> f64 {
         let x = x.clamp(0.0, 1.0);
         if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
     }
 
-    /// The same, kept near a value: see [`Self::weight`].
+    /// The parameter with another nominal value and cost of leaving it: see [`Self::weight`].
     #[must_use]
     pub fn near(&self, nominal: f64, weight: f64) -> Self {
         Self { nominal, weight, ..self.clone() }
     }
 
-    /// Cost of a value, and the cost's derivative with respect to its place between the bounds.
+    /// Cost of a value, and its derivative with respect to the scaled parameter.
     pub(super) fn pull(&self, value: f64) -> [f64; 2] {
         let way = self.place(value) - self.place(self.nominal);
         [self.weight * way * way, 2.0 * self.weight * way]
     }
 
-    /// Derivative of a value with respect to its place between the bounds.
+    /// Derivative of a value with respect to the scaled parameter.
     pub(super) fn by_place(&self, value: f64) -> f64 {
         if self.logarithmic { value * (self.high / self.low).ln() } else { self.high - self.low }
     }
 
-    /// A value's place between the bounds, from 0 to 1.
+    /// The scaled parameter of a value: its place between the bounds, from 0 to 1.
     pub fn place(&self, value: f64) -> f64 {
         if self.low == self.high {
             return 0.0;
@@ -240,19 +237,19 @@ fn axis(name: &str) -> usize {
     ["x", "y", "z"].iter().position(|axis| name.ends_with(axis)).unwrap_or_default()
 }
 
-/// The parameter's kind, nominal value, lower and upper bound, whether it is searched in its logarithm, unit.
+/// Kind of parameter, nominal value, lower bound, upper bound, whether scaled by its logarithm, unit.
 type Bounded = (What, f64, f64, f64, bool, &'static str);
 
 fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> Bounded {
     (what, nominal, nominal / factor, nominal * factor, true, unit)
 }
 
-/// From nothing to `most`, or to ten times the robot's value.
+/// Bounds from 0 to `most`, or to ten times the nominal value if that is larger.
 fn braked(what: What, own: f64, most: f64, unit: &'static str) -> Bounded {
     (what, own, 0.0, most.max(10.0 * own), false, unit)
 }
 
-/// Size of a robot (m): the largest distance of two contact points of one link, or 1.
+/// Size of a robot (m): the largest distance along an axis between two contact points of a link, or 1.
 fn extent(system: &System) -> f64 {
     let points = &system.robot.contact_points;
     let apart = points.iter().flat_map(|a| points.iter().filter(|b| b.link == a.link).map(|b| (a.local - b.local).abs().max()));
@@ -260,7 +257,7 @@ fn extent(system: &System) -> f64 {
     if size > 0.0 { size } else { 1.0 }
 }
 
-/// Moves every contact point of the robot inwards until balls of `radius` touch the planes that the points touched.
+/// Moves every contact point of the robot inward, so that spheres of `radius` touch the planes that the points touched.
 pub(super) fn round(system: &mut System, radius: f64) {
     let points = &mut system.robot.contact_points;
     for link in 0..system.robot.links.len() {

@@ -1,9 +1,9 @@
-//! A robot in its scene under a solver, with parameters set.
+//! A robot in its scene under a solver, with parameters set to given values.
 
 use super::parameter::{CalibrateError, Parameter, What, round};
 use crate::{articulated::numbers, internal::*, scene::PlaneSpec, system::motors::late};
 
-/// A solver and its settings.
+/// A solver with its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Engine {
@@ -14,7 +14,7 @@ pub enum Engine {
 }
 
 impl Engine {
-    /// The solver.
+    /// Builds the solver.
     pub fn solver(&self) -> Box<dyn Solver> {
         match *self {
             Self::Articulated(config) => Box::new(Articulated::new(config)),
@@ -23,57 +23,56 @@ impl Engine {
     }
 }
 
-/// A robot, scene and solver to be compared with measurements.
+/// A robot in a scene under a solver, to be compared with measurements.
 #[derive(Clone)]
 pub struct Subject {
     /// The robot.
     pub system: Arc<System>,
-    /// Its scene.
+    /// Name resolved to the scene of the robot.
     pub scene: Arc<Scene>,
-    /// Its solver.
+    /// Solver and settings.
     pub engine: Engine,
     /// Frames by which measured velocities are older than their poses.
     pub lag: f64,
-    /// Frames by which torques act late, from 0 to 2.
+    /// Delay of torques (frames), 0 to 2.
     pub delay: f64,
-    /// Positions of the joints where their sensors show 0 (rad or m).
+    /// Joint positions (rad or m) where the sensors read 0.
     pub zeros: Vec<f64>,
-    /// Factors on the torques of the joints.
+    /// Factor on the torque of each joint.
     pub strength: Vec<f64>,
 }
 
 impl Subject {
-    /// A robot as its files have it.
+    /// A robot with nominal parameters.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
         let [zeros, strength] = [0.0, 1.0].map(|value| vec![value; system.robot.joint_count()]);
         Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0, delay: 0.0, zeros, strength })
     }
 
-    /// The same with these values of the parameters.
+    /// The subject with these values of the parameters.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
         let (mut delay, mut zeros, mut strength) = (self.delay, self.zeros.clone(), self.strength.clone());
-        // Before every length is used.
+        // Scale first: other parameters use the scaled lengths.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
             system.folds.scale(value);
         }
         for (p, &value) in parameters.iter().zip(values) {
-            // The robot's material, and the scene's own if it has one: a pair acts with their mean.
+            // The robot's material, and the scene's material if it has one, since a pair acts with their mean.
             let own = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
             for material in own.chain([&mut system.spec.material]) {
                 match p.what {
                     What::Friction => material.friction = value,
                     What::Stiffness => material.stiffness = value,
                     What::Damping => material.damping = value,
-                    What::FrictionDamping => material.friction_damping = value,
                     _ => {}
                 }
             }
             match p.what {
-                // Also for each pair whose friction a file sets.
+                // Also replaces friction coefficients that the robot's file sets for pairs.
                 What::Friction => system.one_friction = Some(value),
-                What::Size | What::Stiffness | What::Damping | What::FrictionDamping => {}
+                What::Size | What::Stiffness | What::Damping => {}
                 What::Mass(link) => {
                     let Link { inertia, lifted, .. } = &mut system.robot.links[link];
                     inertia.inertia *= value / inertia.mass;
@@ -118,7 +117,7 @@ impl Subject {
                     false
                 }
                 Engine::Rapier(_) => {
-                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping | What::JointFriction(_))
+                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::JointFriction(_))
                 }
                 Engine::Articulated(_) => p.what == What::Restitution,
             };
@@ -127,12 +126,13 @@ impl Subject {
             }
         }
         let system = Arc::new(system);
-        // A randomly drawn scene is not one of the robot's, and is kept.
+        // A random scene is not built from the robot's specification, so it stays.
         let scene = if self.scene.name == "random" { self.scene.clone() } else { system.scene(&self.scene.name)? };
         Ok(Self { scene, system, engine, lag, delay, zeros, strength })
     }
 
-    /// The torques that act in a frame under a delay; `asked` are the commanded ones of the last three frames, the newest first.
+    /// The delayed and scaled torques of a frame; `asked` are the commanded torques of the last three frames, newest
+    /// first.
     pub fn late(&self, asked: &[&[f64]; 3]) -> Vec<f64> {
         let mut out = vec![0.0; asked[0].len()];
         late(self.delay, asked, &mut out);
@@ -140,15 +140,15 @@ impl Subject {
         out
     }
 
-    /// Converts a pose to sensor readings, or with `side` 1 readings to the pose.
+    /// Converts joint positions to sensor readings (`side` -1) or readings to joint positions (1).
     pub fn shift(&self, pose: &mut [f64], side: f64) {
         let first = self.system.robot.root_coords();
         pose[first..].iter_mut().zip(&self.zeros).for_each(|(q, zero)| *q += side * zero);
     }
 
-    /// Derivatives of the numbers of robot and scene ([`numbers`]) with respect to each parameter at these values: `[parameter][number]`.
-    /// They turn gradients with respect to numbers ([`Articulated::back_by_numbers`]) into gradients with respect to parameters. Central
-    /// differences of the numbers; no solver is involved.
+    /// Derivatives `[parameter][number]` of the numbers of robot and scene ([`numbers`]) with respect to each parameter
+    /// at `values`. Uses central differences, without a solver. They convert gradients with respect to numbers
+    /// ([`Articulated::back_by_numbers`]) to gradients with respect to parameters.
     pub fn numbers_by(&self, parameters: &[Parameter], values: &[f64]) -> Result<Vec<Vec<f64>>, CalibrateError> {
         let by = |k: usize| {
             let size = 1e-5 * (parameters[k].high - parameters[k].low);
@@ -163,7 +163,7 @@ impl Subject {
         (0..parameters.len()).map(by).collect()
     }
 
-    /// The plane of a system's own scene that a parameter moves.
+    /// The plane of the scene in the system's specification; an error names the parameter if there is none.
     fn plane<'a>(&self, system: &'a mut System, p: &Parameter) -> Result<&'a mut PlaneSpec, CalibrateError> {
         let own = system.spec.scenes.iter_mut().find(|s| s.name == self.scene.name);
         own.map(|scene| &mut scene.plane).ok_or_else(|| CalibrateError::idle(&p.name))

@@ -1,4 +1,4 @@
-//! Open-loop rollouts from measured states: pieces of equal length that begin at regular intervals of a trajectory.
+//! Open-loop rollouts from measured states: pieces of equal length that start at regular intervals of a trajectory.
 
 use rayon::prelude::*;
 
@@ -6,33 +6,33 @@ use super::{parameter::CalibrateError, subject::Subject};
 use crate::internal::*;
 use crate::log::{Log, Trajectory, turned};
 
-/// A start, and the measured poses from there on.
+/// A start state, and the measured poses from there on.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Its trajectory.
+    /// Number of the trajectory.
     pub id: u64,
-    /// The frame of the trajectory at which it begins.
+    /// First frame of the trial in its trajectory.
     pub first: usize,
-    /// The state `[q, qd]` that a rollout begins with.
+    /// State `[q, qd]` at the start of a rollout.
     pub start: Vec<f64>,
-    /// Coordinates q of every frame, the start's first.
+    /// Coordinates q of every frame, including the start.
     pub measured: Vec<Vec<f64>>,
-    /// Torques held over each frame.
+    /// Torques held constant over each frame.
     pub torques: Vec<Vec<f64>>,
-    /// Torques held over the two frames before, the newest first; the first torque where they are unknown.
+    /// Torques of the two frames before the start, newest first; at the start of a trajectory, its first torques.
     pub earlier: [Vec<f64>; 2],
 }
 
-/// How far a rollout is from its measurement: means over its frames.
+/// Distance between a rollout and its measurement: means over frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
-    /// Distance of the roots (m).
+    /// Distance of the root positions (m).
     pub position: f64,
-    /// Angle between the roots (rad).
+    /// Angle between the root orientations (rad).
     pub rotation: f64,
-    /// Mean |difference| of the joints (rad or m).
+    /// Mean absolute difference of the joint positions (rad or m).
     pub joints: f64,
-    /// 1 if the root ends with another side up, else 0.
+    /// 1 if the root ends with a different side up, else 0.
     pub other_side: f64,
 }
 
@@ -43,13 +43,13 @@ impl Distance {
 }
 
 impl Trial {
-    /// Commanded torques at a frame and at the two before, the newest first.
+    /// Commanded torques of a frame and of the two frames before, newest first.
     pub(super) fn asked(&self, frame: usize) -> [&[f64]; 3] {
         std::array::from_fn(|back| frame.checked_sub(back).map_or_else(|| &self.earlier[back - frame - 1], |frame| &self.torques[frame]))
             .map(Vec::as_slice)
     }
 
-    /// The first frames, as a share of all.
+    /// The trial cut to its first frames, as a share of all frames.
     pub(super) fn begun(&self, share: f64) -> Self {
         let n = ((share * self.measured.len() as f64).ceil() as usize).clamp(2.min(self.measured.len()), self.measured.len());
         Self { measured: self.measured[..n].to_vec(), torques: self.torques[..n - 1].to_vec(), ..self.clone() }
@@ -57,7 +57,7 @@ impl Trial {
 }
 
 impl Log {
-    /// Pieces of `length` frames, a start every `every` frames; of whole trajectories one each if `length` is 0.
+    /// Pieces of `length` frames, with a start every `every` frames; with `length` 0, one piece per trajectory.
     pub fn trials(&self, length: usize, every: usize) -> Vec<Trial> {
         let nq = self.system.robot.nq();
         let cut = |t: &Trajectory, first: usize, length: usize| Trial {
@@ -77,8 +77,11 @@ impl Log {
 }
 
 impl Subject {
-    /// Rolls out every trial, on all threads: coordinates of every frame as sensors would show them. A rollout that the solver cannot
-    /// finish stays in place from there on. Fails if no trial can be stepped even once.
+    /// Rolls out every trial, on all threads. Returns the coordinates of every frame as sensor readings. If the solver
+    /// fails, the rollout stays in place from there on.
+    ///
+    /// # Errors
+    /// If no trial can be stepped even once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let nq = self.system.robot.nq();
         let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
@@ -108,8 +111,8 @@ impl Subject {
         }
     }
 
-    /// The start of a rollout. It is moved out of the ground, which would throw out a body that begins inside, and, in free fall, its
-    /// velocity is corrected for the lag.
+    /// Start state of a rollout. A penetrating body is moved out of the ground, which would throw it out. In free fall
+    /// the velocity is corrected for the lag.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         self.shift(&mut state[..robot.nq()], 1.0);
@@ -139,10 +142,10 @@ impl Subject {
     }
 }
 
-/// A body farther (m) than this from every surface is in free fall.
+/// Distance (m) from every surface beyond which a body is in free fall.
 const FREE: f64 = 0.002;
 
-/// The distance of two motions.
+/// Distance of two motions.
 pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
     let (floating, first, n) = (system.robot.floating(), system.robot.root_coords(), a.len().min(b.len()) as f64);
     let mut sum = Distance::default();
@@ -160,7 +163,7 @@ pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
     sum
 }
 
-/// The root's axis nearest to up, and its sense.
+/// The root axis nearest to up, and its sign.
 fn up(q: &[f64]) -> (usize, bool) {
     let up = quaternion(&q[3..7]).inverse() * nalgebra::Vector3::z();
     (up.iamax(), up[up.iamax()] > 0.0)

@@ -1,4 +1,4 @@
-//! The start, scene and drive of a random trajectory.
+//! Start, scene and drive of random trajectories.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -10,19 +10,20 @@ use crate::{internal::*, sampling::scene, vary};
 pub(super) struct Begun {
     pub batch: Batch,
     pub streams: Vec<ChaCha8Rng>,
-    /// Random streams of the sensors' noise, if they have any.
+    /// Random streams of sensor noise; empty without noise.
     pub sensors: Vec<ChaCha8Rng>,
-    /// One for all, or one for each where robots differ.
+    /// One drive for all trajectories, or one each where robots differ.
     pub drives: Vec<Drive>,
-    /// Drawn parameters of robots that differ.
+    /// Drawn parameters, where robots differ.
     pub drawn: Vec<f64>,
-    /// By trajectory: the factor on torques, frames for which an action is held, and the pilot, if any, in place of random torques.
+    /// By trajectory: factor on torques, number of frames an action is held constant, policy or smooth curves in place
+    /// of random torques.
     pub scales: Vec<f64>,
     pub holds: Vec<usize>,
     pub pilots: Vec<Option<Box<dyn Act>>>,
 }
 
-/// Starts and scenes of trajectories `first .. first + count` of the seed, as [`super::record`] begins them.
+/// Starts and scenes of trajectories `first .. first + count` of the seed, the same as in [`super::record`].
 pub fn begin(system: &Arc<System>, config: &GenerateConfig, first: u64, count: usize) -> Result<Batch, DatasetError> {
     config.check(system)?;
     Ok(Begun::new(system, config, first, count).batch)
@@ -36,7 +37,7 @@ impl Begun {
         let (mut drawn, mut sensors) = (Vec::new(), Vec::new());
         let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         for (env, rng) in streams.iter_mut().enumerate() {
-            // Settings that are off draw nothing, so that older data is reproduced to the byte.
+            // Disabled settings draw nothing, so that earlier data is reproduced to the byte.
             let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
             let launched = pilot.map(|(pilot, _)| pilot.launch(system, rng));
             let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
@@ -45,7 +46,7 @@ impl Begun {
                 Some((state, act)) => (state, Some(act)),
                 None => (start(system, which, rng), None),
             };
-            // Drawn last, so that starts are the same without it.
+            // Drawn after the start, so that starts do not depend on `[vary]`.
             let (own, numbers) = vary::draw(system, rng);
             drawn.extend(numbers);
             batch.scenes[env] = scene(&own, &state, rng);

@@ -1,32 +1,33 @@
-//! Settings of a recording: its amount, its starts, and its drive.
+//! Settings of a recording: amount, starts, drives.
 
 use std::time::Instant;
 
 use super::{drive::Pilot, shard::DatasetError};
 use crate::internal::*;
 
-/// Most memory of one shard.
+/// Maximum memory of a shard (GB).
 const MOST_GIGABYTES: f64 = 16.0;
 
-/// What to generate.
+/// Settings of data generation.
 #[derive(Clone, Debug)]
 pub struct GenerateConfig {
-    /// Transitions in all, rounded up to whole trajectories.
+    /// Total number of transitions, rounded up to whole trajectories.
     pub transitions: usize,
-    /// Frames of a trajectory (paper: 100).
+    /// Frames per trajectory (paper: 100).
     pub frames: usize,
     /// Seed (training 0, validation 10 in the paper).
     pub seed: u64,
-    /// Trajectories of a shard.
+    /// Trajectories per shard.
     pub shard_trajectories: usize,
-    /// Range of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1). Trajectories with negative draws are passive
-    /// ([`super::Drive::draw`]).
+    /// Range of a factor on the torque amplitudes, drawn once per trajectory (paper: always 1). Trajectories with
+    /// negative draws are passive ([`super::Drive::draw`]).
     pub torque_scale: Range,
-    /// Most frames for which an action is held; the number is drawn once a trajectory, log-uniformly (paper: 1).
+    /// Maximum number of frames that an action is held; drawn once per trajectory, log-uniformly (paper: 1).
     pub hold: usize,
-    /// Share of the trajectories that start from the reset ranges of evaluations and tasks instead of the training ranges (paper: 0).
+    /// Share of the trajectories that start from the reset ranges of evaluations and tasks (paper: 0).
     pub resets: f64,
-    /// A policy that acts in place of random torques, from starts of its own, and its share of the trajectories (paper: none).
+    /// A policy that acts in place of random torques, from its own starts, and its share of the trajectories (paper:
+    /// none).
     pub pilot: Option<(Arc<dyn Pilot>, f64)>,
     /// Deadline after which recording ends with [`DatasetError::Late`] (default: none).
     pub until: Option<Instant>,
@@ -50,12 +51,12 @@ impl Default for GenerateConfig {
 }
 
 impl GenerateConfig {
-    /// Trajectories in all.
+    /// Total number of trajectories.
     pub fn trajectories(&self) -> usize {
         self.transitions.div_ceil(self.frames.max(1))
     }
 
-    /// Refuses impossible settings, naming the number.
+    /// Refuses impossible settings; the error names the number.
     pub fn check(&self, system: &System) -> Result<(), DatasetError> {
         let within = |what: &str, x: f64, range| within(format_args!("data: {what}"), x, range, "").map_err(DatasetError::Config);
         within("transitions", self.transitions as f64, 1.0..=1e12)?;

@@ -1,5 +1,5 @@
-//! Drives of random trajectories: new random torques every frame, random actions of a position law with new random gains, torques along
-//! smooth curves, or a policy.
+//! Drives of random trajectories: random torques every frame, random actions of a position law with random gains,
+//! torques along smooth curves, or a policy.
 
 use std::fmt::Debug;
 
@@ -14,7 +14,7 @@ pub struct Drive {
     action: Vec<f64>,
 }
 
-/// A position law whose gains are drawn every frame.
+/// A position law with gains drawn every frame.
 struct Position {
     controller: Controller,
     own: Vec<[f64; 2]>,
@@ -22,7 +22,7 @@ struct Position {
 }
 
 impl Drive {
-    /// The drive that the specification describes.
+    /// The drive of the system's specification.
     pub fn new(system: &Arc<System>) -> Self {
         let position = system.spec.control.and_then(|c| c.data).map(|gains| {
             let controller = Controller::new(system);
@@ -32,9 +32,9 @@ impl Drive {
         Self { action: vec![0.0; amplitudes.len()], amplitudes, position }
     }
 
-    /// Torques of one frame at a state: random ones, or random actions of a position law, times `scale`. At a scale of 0 or below nothing
-    /// is driven: a position law holds its pose with its own gains or, below -1/2, lets go, too. The number of draws does not depend on the
-    /// scale, except for gains.
+    /// Torques of a frame at `state`: random torques, or random actions of a position law, times `scale`. For `scale` 0
+    /// or below, random torques are zero, and a position law holds its pose with nominal gains. Below -1/2 the position
+    /// law gives no torque either. The number of draws does not depend on `scale`, except for gains.
     pub fn draw(&mut self, state: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
         let factor = if scale > 0.0 { scale } else { 0.0 };
         let mut side = || 2.0 * rng.random::<f64>() - 1.0;
@@ -56,31 +56,33 @@ impl Drive {
     }
 }
 
-/// Drives some trajectories, so that data holds a policy's motions. Its `Debug` text identifies everything that determines their bytes.
+/// Drives some of the trajectories, so that data contains a policy's motions. The `Debug` text must identify everything
+/// that determines the data.
 pub trait Pilot: Debug + Send + Sync {
-    /// A trajectory's start `[q, qd]`, and the policy that acts in it.
+    /// Start `[q, qd]` of a trajectory, and the policy that acts in it.
     fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>);
 }
 
-/// Acts in one trajectory instead of random torques.
+/// Acts in one trajectory in place of random torques.
 pub trait Act {
-    /// Torques of the next frame, one a joint.
+    /// Torques of the next frame, one per joint.
     fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]);
 }
 
-/// Uniform cubic B-splines through random values, one curve a joint, for robots that follow their torques, such as a gripper under
-/// impedance control. The curve of a joint with a spring begins at rest: with the torque that holds it at its start.
+/// Uniform cubic B-splines with random control values, one curve per joint. They suit robots that follow their torques,
+/// such as a gripper under impedance control. The curve of a joint with a spring starts at the torque that holds its
+/// start position.
 pub struct Smooth {
     amplitudes: Vec<f64>,
     /// The four control values around the present time, by joint.
     values: Vec<[f64; 4]>,
-    /// Frames between two values, and frames since the last value.
+    /// Frames between two control values, and frames since the last one.
     span: usize,
     since: usize,
 }
 
 impl Smooth {
-    /// Curves of a trajectory from `state`, if the specification has them and the trajectory is driven (`scale` above 0).
+    /// Curves of a trajectory from `state`; `None` without `smooth` in the specification or for `scale` 0 or below.
     pub fn new(system: &System, state: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> Option<Self> {
         let pace = system.spec.smooth.filter(|_| scale > 0.0)?;
         let robot = &system.robot;

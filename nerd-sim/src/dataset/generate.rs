@@ -1,4 +1,4 @@
-//! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
+//! Records random trajectories, and writes them as shards.
 
 use std::time::Instant;
 
@@ -49,7 +49,7 @@ pub fn record(
                 continue;
             }
             let row = env * f + frame;
-            // A held action repeats its draws, since a position law responds to the state of each frame.
+            // A held action repeats its random numbers, since a position law responds to the state of each frame.
             if pilots[env].is_some() || frame % holds[env] == 0 {
                 begun[env] = streams[env].clone();
             } else {
@@ -85,8 +85,8 @@ pub fn record(
     Ok(out)
 }
 
-/// Writes all shards and `manifest.json` into `folder`; keeps existing shards of the same settings. `progress` receives transitions done
-/// and in all.
+/// Writes all shards and `manifest.json` into `folder`; keeps existing shards with the same settings. `progress`
+/// receives the number of transitions done and in total.
 pub fn generate(
     system: &Arc<System>,
     solver: &mut dyn Solver,
@@ -116,7 +116,7 @@ pub fn generate(
         let hash = match there(shard) {
             Some(hash) => hash,
             None => {
-                // The manifest's entry of an overwritten shard is no longer valid.
+                // The manifest's hash is no longer valid once a shard is overwritten.
                 if folder.join(&shard.name).exists() {
                     removed(&Manifest::path(folder))?;
                 }
@@ -147,7 +147,7 @@ pub fn generate(
     Ok(manifest)
 }
 
-/// Removes a file, if it is there.
+/// Removes a file if it exists.
 fn removed(path: &Path) -> Result<(), FileError> {
     match std::fs::remove_file(path) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(FileError::new(path, error)),

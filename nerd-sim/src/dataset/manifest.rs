@@ -8,10 +8,10 @@ use crate::{files::read_text, internal::*};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// [`super::FORMAT`] of the shards.
+    /// Version of the shards' format: [`super::FORMAT`].
     #[serde(default)]
     pub format: Option<u32>,
-    /// Robot.
+    /// Name of the robot.
     pub robot: String,
     /// [`System::robot_sha256`] of the recorded system.
     #[serde(default)]
@@ -22,9 +22,9 @@ pub struct Manifest {
     /// Name of the truth.
     #[serde(default)]
     pub truth: String,
-    /// Trajectories.
+    /// Number of trajectories.
     pub trajectories: usize,
-    /// Frames of each.
+    /// Frames per trajectory.
     pub frames: usize,
     /// Seed.
     pub seed: u64,
@@ -51,13 +51,13 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Refuses data of another system or truth, and names the difference.
+    /// Refuses data of another system or truth; the error names the difference.
     pub fn check(&self, folder: &Path, system: &System, truth: &str) -> Result<(), FileError> {
         let found = same(system, truth, [&self.robot, &self.robot_sha256, &self.system_sha256, &self.truth]);
         found.map_err(|reason| FileError::new(&Self::path(folder), reason))
     }
 
-    /// Reads one of its shards, if the shard is of `system` and of its truth.
+    /// Reads the shard `name`, after checking that it is of `system` and of this truth.
     pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, FileError> {
         self.checked(&folder.join(name), system).map(|(recording, _)| recording)
     }
@@ -69,10 +69,11 @@ impl Manifest {
         checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// The same with the scene of each trajectory: a shard does not hold scenes, they are drawn again from its seed.
+    /// As [`Manifest::shard`], with the scene of each trajectory. Shards do not store scenes, so they are drawn again
+    /// from the seed.
     ///
     /// # Errors
-    /// As [`Manifest::shard`], and if the starts drawn again differ from the recorded ones.
+    /// As [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
     pub fn shard_in_scenes(&self, folder: &Path, name: &str, system: &Arc<System>) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
         let path = folder.join(name);
         let (recording, header) = self.checked(&path, system)?;
@@ -91,7 +92,7 @@ impl Manifest {
         Ok((recording, begun.scenes))
     }
 
-    /// Refuses shards whose hashes, in order, or lengths differ from the manifest's.
+    /// Refuses shards with hashes (in order) or lengths that differ from the manifest's.
     pub fn holds(
         &self,
         folder: &Path,
@@ -111,7 +112,7 @@ impl Manifest {
     }
 }
 
-/// The entries of a shard's header for the system and the truth.
+/// Entries of a shard's header that identify system and truth.
 pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
     let own = [
         ("robot", system.name.clone()),
@@ -124,7 +125,7 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
     own.into_iter().chain(drawn).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
-/// Refuses data of another system or truth: compares its robot's name and hash, the system's hash and the truth.
+/// Refuses data of another system or truth: compares hash of the robot, hash of the system, and truth.
 fn same(system: &System, wanted_truth: &str, [name, robot, all, truth]: [&str; 4]) -> Result<(), String> {
     let (wanted_robot, wanted) = (system.robot_sha256(), system.sha256());
     if robot != wanted_robot {

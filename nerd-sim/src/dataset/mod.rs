@@ -1,4 +1,4 @@
-//! Random trajectories and the shards that hold them.
+//! Generation of random trajectories, and the shards that store them.
 
 mod begin;
 mod config;

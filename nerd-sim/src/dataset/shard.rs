@@ -1,5 +1,5 @@
-//! Trajectories of equal length in memory, trajectory-major, in f64 (in f32, positions 100 km from the world's origin would round to 8 mm),
-//! and as a safetensors file, written whole or not at all.
+//! Recorded trajectories of equal length: in memory, trajectory-major, and as a safetensors file, written whole or not
+//! at all. Numbers are f64: in f32, positions 100 km from the world origin would round to 8 mm.
 
 use std::collections::HashMap;
 
@@ -8,34 +8,34 @@ use sha2::{Digest, Sha256};
 
 use crate::internal::*;
 
-/// Everything recorded of some trajectories: F frames each, states before and after.
+/// Recorded trajectories of F frames each, with states before and after each frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Number of trajectories.
     pub trajectories: usize,
-    /// Frames of each.
+    /// Number of frames F per trajectory.
     pub frames: usize,
     /// States `[trajectory][F + 1][state_dim]`.
     pub states: Vec<f64>,
-    /// States at frames' starts as noisy sensors show them, `[trajectory][F][state_dim]`; contacts are of these. Empty where sensors have
-    /// no noise ([`crate::vary`]) and show the states.
+    /// Noisy sensor readings of the states at the start of each frame, `[trajectory][F][state_dim]`; contacts are
+    /// computed from these. Empty without sensor noise ([`crate::vary`]).
     pub shown: Vec<f64>,
-    /// Joint torques held over each frame, `[trajectory][F][joints]`.
+    /// Joint torques held constant over each frame, `[trajectory][F][joints]`.
     pub torques: Vec<f64>,
-    /// Surface normals at the frame's start, world axes, `[trajectory][F][points][3]`.
+    /// Surface normals at the start of each frame, world axes, `[trajectory][F][points][3]`.
     pub normals: Vec<f64>,
-    /// Nearest scene points at the frame's start, world (m), `[trajectory][F][points][3]`.
+    /// Nearest scene points at the start of each frame, world (m), `[trajectory][F][points][3]`.
     pub points: Vec<f64>,
-    /// Signed distances at the frame's start (m), `[trajectory][F][points]`; infinite in an empty scene.
+    /// Signed distances at the start of each frame (m), `[trajectory][F][points]`; infinite in an empty scene.
     pub depths: Vec<f64>,
     /// Gravity (m/s^2), `[trajectory][3]`.
     pub gravity: Vec<f64>,
-    /// Drawn parameters of the robot, `[trajectory][crate::vary::columns]`; empty where nothing varies.
+    /// Drawn parameters of the robot, `[trajectory][crate::vary::columns]`; empty without `[vary]`.
     pub drawn: Vec<f64>,
 }
 
 impl Recording {
-    /// The arrays by name, with the shape of one trajectory; `drawn` only where something varies, `shown` where sensors have noise.
+    /// Arrays by name, with the shape of one trajectory; `drawn` and `shown` only if not empty.
     pub fn arrays(&self) -> Vec<(&'static str, Vec<usize>, &Vec<f64>)> {
         let (n, f) = (self.trajectories, self.frames);
         let width = |x: &Vec<f64>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
@@ -57,7 +57,7 @@ impl Recording {
         arrays
     }
 
-    /// Names an array whose length does not fit the robot, if there is one: a file may have been written before the robot changed.
+    /// Refuses arrays with lengths that do not fit the robot: the robot may have changed after a file was written.
     pub fn check(&self, system: &System) -> Result<(), String> {
         let robot = &system.robot;
         let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
@@ -92,44 +92,44 @@ impl Recording {
     }
 }
 
-/// One hash of a whole data set: SHA-256 over its recordings' hashes in order, as lower-case hex.
+/// Hash of a data set: SHA-256 over its recordings' hashes in order, as lower-case hex.
 pub fn sha256_of(recordings: impl IntoIterator<Item = [u8; 32]>) -> String {
     let mut hash = Sha256::new();
     recordings.into_iter().for_each(|h| hash.update(h));
     hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Why data could not be made, written or read.
+/// Errors of generating, writing or reading data.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// A file that cannot be read or written, or has other content.
+    /// A file cannot be read or written, or has other content.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Impossible settings.
+    /// The settings are impossible.
     #[error("{0}")]
     Config(String),
-    /// See [`super::GenerateConfig::until`].
+    /// The deadline has passed; see [`super::GenerateConfig::until`].
     #[error(
         "time was over while data was recorded, of which nothing is kept; give it more, ask for fewer transitions, or record them into a folder first"
     )]
     Late,
-    /// The solver failed in the batch that begins with this trajectory.
+    /// The solver failed in the batch that starts with this trajectory.
     #[error("trajectories from {0}: {1}")]
     Step(u64, #[source] StepError),
 }
 
-/// The one entry of a shard's safetensors metadata: safetensors writes several in random order, and the same data are to
-/// be the same bytes.
+/// The single entry of a shard's safetensors metadata: safetensors writes several entries in random order, and equal
+/// data must give equal bytes.
 const ENTRY: &str = "recording";
 
-/// Version of shards and their manifest. Version 1 had f32 arrays and did not identify the system.
+/// Version of the format of shards and manifest. Version 1 had f32 arrays and did not identify the system.
 pub const FORMAT: u32 = 2;
 const FORMAT_KEY: &str = "format";
-/// Key of the recording's hash, by which a damaged file is detected.
+/// Key of the recording's hash, which detects a damaged file.
 const HASH_KEY: &str = "sha256";
 
-/// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary name first, then renamed.
+/// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary file, then renamed.
 pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), FileError> {
     let own = [(FORMAT_KEY.to_string(), FORMAT.to_string()), (HASH_KEY.to_string(), sha256_of([recording.sha256()]))];
     let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(own).collect();
@@ -149,14 +149,14 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
     crate::files::write(path, &bytes).map_err(|e| FileError::new(path, e))
 }
 
-/// Whether a file begins as a shard does, whole or not.
+/// Whether a file has the header of a shard, even if its arrays are damaged.
 pub(super) fn is_shard(path: &Path) -> bool {
     let bytes = crate::files::read(path).unwrap_or_default();
     let header = SafeTensors::read_metadata(&bytes).map(|(_, header)| header.metadata().clone().unwrap_or_default());
     header.is_ok_and(|words| words.contains_key(ENTRY))
 }
 
-/// Reads a shard and its metadata; refuses one whose numbers have changed.
+/// Reads a shard and its metadata; refuses numbers that do not match the stored hash.
 pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), FileError> {
     let bytes = crate::files::read(path).map_err(|e| FileError::new(path, e))?;
     let wrong = |reason: String| FileError::new(path, reason);
@@ -195,7 +195,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     Ok((recording, metadata))
 }
 
-/// Refuses data of another version than [`FORMAT`].
+/// Refuses data of a version other than [`FORMAT`].
 pub(super) fn check_format(found: Option<u32>) -> Result<(), String> {
     match found {
         Some(FORMAT) => Ok(()),

@@ -1,5 +1,5 @@
-//! Locks: on a folder of results, for one writer at a time, and on partial files, to identify those left by killed writers. A lock ends
-//! with its process. On a file system without locks nothing is refused or removed.
+//! File locks: on a folder of results, for one writer at a time, and on temporary files, to recognise files of killed
+//! writers. A lock ends with its process. On a file system without locks nothing is refused or removed.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -7,20 +7,20 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-/// A folder claimed by [`claim`], until this is dropped or the process ends in any way. Folders that the claim created are removed with it
-/// if they are still empty.
+/// A folder claimed by [`claim`], until dropped or until the process ends. Dropping removes folders that the claim
+/// created, if they are still empty.
 #[derive(Debug)]
 pub struct Claim {
-    /// Folders that the claim created, from the innermost up.
+    /// Folders that the claim created, innermost first.
     made: Vec<PathBuf>,
     _lock: File,
 }
 
-/// Claims a folder of results, which is made if absent.
-/// Refused if another process, or another claim of this one, writes there.
+/// Claims a folder of results, and creates it if absent. Refused if another process, or another claim of this process,
+/// writes there.
 pub fn claim(folder: &Path) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
-    // A claim that ends may remove the folder just before it is locked here; then it is made again.
+    // A claim that ends may remove the folder just before the lock here; then create it again.
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder)
@@ -44,12 +44,12 @@ pub fn claim(folder: &Path) -> Result<Claim> {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Fails, as it should, at the first folder that is not empty.
+        // Stops, as intended, at the first folder that is not empty.
         let _ = self.made.iter().try_for_each(std::fs::remove_dir);
     }
 }
 
-/// The opened file that is locked, and its path: the folder itself, or a file in it where folders cannot be opened.
+/// The open file to lock, and its path: the folder itself, or a file in it where folders cannot be opened.
 fn opened(folder: &Path) -> Result<(File, PathBuf)> {
     if cfg!(unix) {
         return Ok((File::open(folder)?, folder.into()));
@@ -61,13 +61,13 @@ fn opened(folder: &Path) -> Result<(File, PathBuf)> {
 const PREFIX: &str = ".nerd-";
 const SUFFIX: &str = ".tmp";
 
-/// A new file in a folder, locked.
+/// Creates a locked temporary file in a folder.
 pub(super) fn create(folder: &Path) -> Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    // A temporary file is private to its owner; a result is for everybody the umask lets in.
+    // A temporary file is by default private to its owner; results get the permissions of the umask.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    // Another process may sweep the folder between a file's creation and its lock: then it is made again.
+    // Another process may sweep the folder between creation and lock; then create the file again.
     for _ in 0..100 {
         let file = builder.prefix(PREFIX).suffix(SUFFIX).tempfile_in(folder)?;
         let locked = file.as_file().try_lock();
@@ -78,7 +78,7 @@ pub(super) fn create(folder: &Path) -> Result<NamedTempFile> {
     Err(Error::other("another process removes every file that is started here"))
 }
 
-/// Removes files that killed writers left in a folder, as far as possible.
+/// Removes temporary files that killed writers left in a folder, as far as possible.
 pub(super) fn sweep(folder: &Path) {
     let ours = |name: &str| name.starts_with(PREFIX) && name.ends_with(SUFFIX);
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -92,7 +92,7 @@ pub(super) fn sweep(folder: &Path) {
     }
 }
 
-/// Whether an open file is still the one at this path.
+/// Whether an open file is still the file at this path.
 pub(super) fn is_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {

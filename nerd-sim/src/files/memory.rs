@@ -1,9 +1,10 @@
 //! Available memory.
 
-/// Memory assumed for a machine that does not report it (bytes).
+/// Memory (bytes) assumed for a machine that does not report it.
 const USUAL: u64 = 8 << 30;
 
-/// Memory that this process may still allocate (bytes): the least of the machine's, its container's and a `ulimit`'s.
+/// Upper bound (bytes) of the memory that this process may allocate: the least of the machine's available memory and
+/// the limits of container and `ulimit`.
 pub fn free() -> u64 {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let field = |text: &str, name: &str| text.lines().find_map(|l| l.strip_prefix(name)?.split_whitespace().next()?.parse::<u64>().ok());

@@ -1,8 +1,9 @@
-//! Files: output that is written whole or not at all, folders for one writer at a time, texts.
+//! Files: output written whole or not at all, folders with one writer at a time, text.
 
 mod lock;
 pub mod memory;
 mod own;
+pub mod renamed;
 mod xml;
 
 use std::fs::{File, OpenOptions};
@@ -19,25 +20,25 @@ pub(crate) use xml::nested;
 pub struct FileError {
     /// The file.
     pub path: PathBuf,
-    /// Why it cannot be used, with the line number if there is one.
+    /// Reason, with the line number if there is one.
     pub reason: String,
 }
 
 impl FileError {
-    /// An error about this file.
+    /// An error about the file at `path`.
     pub fn new(path: &Path, reason: impl ToString) -> Self {
         Self { path: path.into(), reason: reason.to_string() }
     }
 }
 
-/// Replaces the file at `path` (its folder is made if absent) by `bytes`; see [`write_with`].
+/// Replaces the file at `path` by `bytes`, and creates its folder if absent; see [`write_with`].
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Replaces the file at `path` by the output of `fill`, under a temporary name first, so a reader of `path` sees an old or a new file,
-/// never half of one. A symbolic link stays, and its target is replaced; a device or a pipe is written into. Removes files that killed
-/// writers left in the folder. After an error an older file at `path` is untouched.
+/// Replaces the file at `path` by the output of `fill`, through a temporary file and a rename. A reader of `path` sees
+/// the old or the new file, never a part. A symbolic link stays and its target is replaced; a device or pipe is written
+/// to directly. Temporary files of killed writers in the folder are removed. After an error, the old file is untouched.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let path = &target(path)?;
     match std::fs::metadata(path) {
@@ -53,13 +54,13 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     lock::sweep(folder);
     let mut file = lock::create(folder)?;
     fill(&mut file)?;
-    // Flushed to disk before the rename: otherwise a power cut may leave the new name without content.
+    // Flush to disk before the rename: otherwise a power cut may leave the new name without content.
     file.as_file().sync_all()?;
     file.persist(path)?;
     Ok(())
 }
 
-/// Refuses anything but a regular file: a device, or a pipe that nobody writes to, may never end.
+/// Refuses anything but a regular file: reading a device, or a pipe without a writer, may never end.
 pub fn is_file(path: &Path) -> Result<()> {
     let refused = |kind, said| Err(Error::new(kind, said));
     match std::fs::metadata(path)? {
@@ -69,21 +70,21 @@ pub fn is_file(path: &Path) -> Result<()> {
     }
 }
 
-/// Largest text that is read (bytes).
+/// Largest text file (bytes).
 pub const LARGEST_TEXT: u64 = 1 << 26;
-/// Most bytes of numbers in one file's tables and arrays.
+/// Largest file of tables or arrays (bytes).
 pub const LARGEST_TABLE: u64 = 1 << 31;
 
-/// The bytes of a file, if memory has room for them.
+/// Reads a file, if it fits into free memory.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     read_most(path, memory::free())
 }
 
-/// The bytes of a file of at most `most` bytes.
+/// Reads a file of at most `most` bytes.
 pub fn read_most(path: &Path, most: u64) -> Result<Vec<u8>> {
     bounded(path, most)?;
     let mut bytes = Vec::new();
-    // It may grow while it is read.
+    // The file may grow while it is read.
     File::open(path)?.take(most).read_to_end(&mut bytes)?;
     Ok(bytes)
 }
@@ -98,17 +99,17 @@ pub fn bounded(path: &Path, most: u64) -> Result<()> {
     }
 }
 
-/// The message of that refusal, in megabytes.
+/// The error message of a file that is too large, in megabytes.
 pub(crate) fn too_large(size: u64, most: u64) -> String {
     format!("has {} MB; at most {} MB are read", size >> 20, most >> 20)
 }
 
-/// A text file; an error names the position that is not UTF-8.
+/// Reads a text file; an error names the first position that is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
     text(read_most(path, LARGEST_TEXT)?)
 }
 
-/// A text that grows with a run, such as its metrics.
+/// Reads a text file that grows with a run, such as its metrics: limited by free memory only.
 pub fn read_record(path: &Path) -> Result<String> {
     text(read(path)?)
 }
@@ -121,12 +122,12 @@ fn text(bytes: Vec<u8>) -> Result<String> {
     })
 }
 
-/// The end of a chain of symbolic links, whether it exists or not.
+/// The end of a chain of symbolic links, whether or not it exists.
 fn target(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_path_buf();
-    // As many as Linux follows.
+    // The limit of Linux.
     for _ in 0..40 {
-        // The targets of links in /proc/self/fd have no name in the file system, but can be opened.
+        // Links in /proc/self/fd may lead to targets without a name in the file system, which can still be opened.
         let special = std::fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir());
         match std::fs::read_link(&path) {
             Ok(next) if !special => path = path.parent().unwrap_or(Path::new("")).join(next),

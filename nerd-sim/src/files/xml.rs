@@ -1,6 +1,6 @@
-//! Checks of XML texts before they are parsed.
+//! Checks of XML text before parsing.
 
-/// Upper bound on the nesting depth of elements; it also counts elements in comments. roxmltree recurses over nested elements.
+/// Upper bound of the nesting depth of elements, with elements in comments included. roxmltree recurses over nesting.
 pub(crate) fn nested(text: &str) -> usize {
     let (mut deep, mut most) = (0usize, 0);
     for element in text.split('<').skip(1) {

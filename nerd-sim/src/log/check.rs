@@ -1,4 +1,4 @@
-//! Checks of measurements: velocities that contradict the poses, free fall that is not gravity.
+//! Checks measurements: velocities that contradict the poses, free fall that is not gravity.
 
 use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
@@ -7,25 +7,25 @@ use super::tidy::rate;
 use crate::internal::*;
 use crate::table::Place;
 
-/// Velocities with a larger relative error than this contradict the poses.
+/// Relative error above which velocities contradict the poses.
 const OFF: f64 = 0.5;
-/// Velocities that change by at most this share from one row to the next are steady.
+/// Largest relative change of a velocity from one row to the next that counts as steady.
 const STEADY: f64 = 0.3;
-/// Velocities with a larger relative error than this are noted.
+/// Relative error above which velocities are noted.
 const NOISY: f64 = 0.15;
 /// Least relative error of velocities or free fall that is noted.
 const ODD: f64 = 0.01;
-/// Up to this many rows, all velocities are checked.
+/// Number of rows up to which all velocities are checked.
 const ASKED: usize = 100_000;
-/// Least duration (s) and number of frames of a flight from which free fall is measured.
+/// Least duration (s) and number of frames of a flight for measuring free fall.
 const FLIGHT: (f64, usize) = (0.08, 8);
-/// Frames further apart (s) than this may hide a contact.
+/// Frame time (s) above which a contact may go unnoticed between frames.
 const LONG: f64 = 0.02;
 /// Least distance (m) from every surface in free flight.
 const CLEAR: f64 = 0.005;
-/// A fall that differs from gravity by this share is not free.
+/// Relative difference from gravity above which a fall is not free.
 const HELD: f64 = 0.5;
-/// Factors that would correct a wrong unit.
+/// Factors that indicate a wrong unit.
 const UNITS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "degrees taken for radians"),
     (180.0 / std::f64::consts::PI, "radians taken for degrees"),
@@ -35,21 +35,21 @@ const UNITS: [(f64, &str); 6] = [
     (0.01, "a factor of 100"),
 ];
 
-/// The unit that explains a factor, if there is one.
+/// The wrong unit indicated by a factor, if any.
 fn unit(factor: f64) -> Option<&'static str> {
     UNITS.iter().find(|(f, _)| (factor / f).ln().abs() < 0.2).map(|u| u.1)
 }
 
-/// Consecutive rows; of many rows some, spread over all.
+/// Pairs of consecutive rows; of very many rows, an even subset.
 fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     let rows: usize = raw.iter().map(|r| r.moments.len()).sum();
     let all = raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])));
     all.step_by((rows / ASKED).max(1))
 }
 
-/// Median error of measured velocities, at two consecutive rows, against the velocity of the poses: relative to its median size, and the
-/// factor that fits best. Only the fastest quarter counts, since velocities at rest are noise. Velocities that change much between the two
-/// rows are skipped, since the time of the change is unknown.
+/// Median error of measured velocities at two consecutive rows against the velocity between the poses, relative to its
+/// median magnitude; and the best-fitting factor. Only the fastest quarter counts, since velocities at rest are noise.
+/// Velocities that change much between the two rows are skipped, since the time of the change is unknown.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
     let steady = rates.filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0).map(|(found, [a, b])| (found, (a + b) / 2.0));
@@ -68,7 +68,7 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Opt
 /// Refuses velocities that contradict the poses, and names a possible cause; smaller errors are noted.
 pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) -> Result<(), LogError> {
     let seconds = |a: &Moment, b: &Moment| b.time - a.time;
-    // Velocities of the poses and measured ones, for `many` columns from `from` on.
+    // Velocities between poses and measured velocities, for `many` columns starting at `from`.
     let columns = |from: usize, many: usize| {
         let some = |all: &[f64]| Vector3::from_fn(|i, _| if i < many { all[from + i] } else { 0.0 });
         misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), [a, b].map(|m| some(&m.qd)))))
@@ -77,10 +77,10 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
         if let (Some(names), Some([off, factor])) = (&root.velocity, columns(3, 3)) {
             refuse(csv, &names.join(", "), off, factor, None, notes)?;
         }
-        let angular = |order: Order, axes: Axes| {
+        let ang_vel = |order: Order, axes: Axes| {
             misfit(pairs(raw).map(|(a, b)| {
                 let [x, y] = [a, b].map(|m| as_if(&m.q[3..7], root.order, order));
-                // The angular velocity in the columns' own axes, then in the hypothesis's.
+                // The angular velocity in its columns' axes, then in the axes of the hypothesis.
                 let measured = [(a, x), (b, y)].map(|(m, turn)| {
                     let own = Vector3::new(m.qd[0], m.qd[1], m.qd[2]);
                     let own = if root.axes == Axes::Body { quaternion(&m.q[3..7]).inverse() * own } else { own };
@@ -89,9 +89,9 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
                 ((y * x.inverse()).scaled_axis() / seconds(a, b), measured)
             }))
         };
-        if let (Some(names), Some([off, factor])) = (&root.angular, angular(root.order, root.axes)) {
+        if let (Some(names), Some([off, factor])) = (&root.ang_vel, ang_vel(root.order, root.axes)) {
             let all = [Order::Wxyz, Order::Xyzw].into_iter().flat_map(|o| [Axes::Body, Axes::World].map(|a| (o, a)));
-            let best = all.filter_map(|(o, a)| Some((angular(o, a)?[0], o, a))).min_by(|a, b| a.0.total_cmp(&b.0));
+            let best = all.filter_map(|(o, a)| Some((ang_vel(o, a)?[0], o, a))).min_by(|a, b| a.0.total_cmp(&b.0));
             let better = best.filter(|(other, ..)| *other < 0.5 * off && off > ODD);
             let words = better.map(|(other, order, axes)| {
                 let word = |x: &dyn std::fmt::Debug| format!("{x:?}").to_lowercase();
@@ -111,7 +111,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
     Ok(())
 }
 
-/// An orientation (x y z w) that was read in the order `stated`, read in another order instead.
+/// An orientation (x y z w) read in the order `stated`, reread in `order`.
 fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
     order.turn(match stated {
         Order::Wxyz => [q[3], q[0], q[1], q[2]],
@@ -133,7 +133,8 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
     Err(bad(csv, format!("{words}; {advice}")))
 }
 
-/// Notes a coordinate that jumps in one row by a thousand times its change in 99 % of the rows: a glitch of a sensor or of a file.
+/// Notes a coordinate that jumps in a row by a thousand times its change in 99 % of the rows: a glitch of a sensor or
+/// file.
 pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) {
     let root = spec.root.iter().flat_map(|root| root.position.iter().enumerate());
     let joint = |name: &String| spec.joints.iter().find(|j| j.name == *name).map(|j| &j.position);
@@ -153,8 +154,8 @@ pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Ve
     }
 }
 
-/// Checks lengths and time by free fall; an error only if a wrong unit explains the difference. Removes frames before a release: a held
-/// body does not fall.
+/// Checks lengths and times by free fall. A difference from gravity is an error if a wrong unit explains it or if it is
+/// large; otherwise it is noted. Removes frames before a release: a held body does not fall.
 pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
     if !log.system.robot.floating() || g == 0.0 || log.system.frame_time > LONG {
@@ -184,7 +185,7 @@ pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(),
             trajectory.torques.drain(..free);
         }
     }
-    // If nothing falls as it should, the first fall shows the unit.
+    // If nothing falls at about gravity, the first fall shows the unit.
     let Some(found) = median(&mut free_falls).or_else(|| median(&mut first_falls)) else { return Ok(()) };
     let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
     match unit(found / g) {
@@ -206,12 +207,12 @@ fn median(x: &mut [f64]) -> Option<f64> {
     x.get(x.len() / 2).copied()
 }
 
-/// Acceleration of a parabola through even samples by least squares.
+/// Acceleration of the least-squares parabola through evenly spaced samples.
 fn acceleration(x: &[f64], dt: f64) -> f64 {
     let n = x.len() as f64;
     let time = |k: usize| (k as f64 - 0.5 * (n - 1.0)) * dt;
     let square = (0..x.len()).map(|k| time(k).powi(2)).sum::<f64>() / n;
-    // The part of t^2 that is orthogonal to a straight line.
+    // The component of t^2 orthogonal to straight lines.
     let bend = |k: usize| time(k).powi(2) - square;
     let norm: f64 = (0..x.len()).map(|k| bend(k).powi(2)).sum();
     2.0 * x.iter().enumerate().map(|(k, x)| bend(k) * x).sum::<f64>() / norm

@@ -8,17 +8,18 @@ use crate::internal::*;
 pub struct Log {
     /// Origin of the data, in words.
     pub about: Option<String>,
-    /// Time (us) of a frame on one core, if a simulator made the data.
+    /// Computation time (us) of a frame on one core, if a simulator made the data.
     pub cost: Option<f64>,
     /// The robot.
     pub system: Arc<System>,
-    /// Name of its scene.
+    /// Name of the scene.
     pub scene: String,
-    /// Measurements, one state a frame.
+    /// Measurements, one state per frame.
     pub trajectories: Vec<Trajectory>,
-    /// Corrections made, and oddities, a line each.
+    /// Corrections made and oddities found, one line each.
     pub notes: Vec<String>,
-    /// Groups of trajectories that are held out together, by name; each trajectory is in one group, or there are none.
+    /// Groups of trajectory numbers, held out together in cross-validation. Each trajectory is in one group, or there
+    /// are no groups.
     pub folds: Vec<Vec<u64>>,
     /// Published results on these measurements.
     pub published: Vec<Published>,
@@ -27,28 +28,28 @@ pub struct Log {
 /// One trajectory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Its name in the file.
+    /// Number of the trajectory in the file.
     pub id: u64,
-    /// States `[q, qd]` as solvers have them, one a frame.
+    /// States `[q, qd]` in the form of the solvers, one per frame.
     pub states: Vec<Vec<f64>>,
-    /// Torques of the joints, one row for each state.
+    /// Joint torques, one row per state.
     pub torques: Vec<Vec<f64>>,
 }
 
-/// Why measurements cannot be used; one line.
+/// Errors of reading a log; one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {
-    /// A file that cannot be read, lacks required entries, or contradicts itself.
+    /// A file cannot be read, lacks required entries, or contradicts itself.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A robot that cannot be read.
+    /// The robot cannot be read.
     #[error(transparent)]
     System(#[from] SystemError),
 }
 
 impl Log {
-    /// Fails unless every trajectory is in one fold, if there are folds.
+    /// Fails if there are folds and a trajectory is not in exactly one.
     pub(super) fn parted(&self) -> Result<(), String> {
         let mut all: Vec<u64> = self.folds.concat();
         all.sort_unstable();
@@ -59,7 +60,7 @@ impl Log {
         }
     }
 
-    /// Whether any torque acts.
+    /// Whether any torque is not zero.
     pub fn driven(&self) -> bool {
         self.trajectories.iter().flat_map(|t| &t.torques).flatten().any(|t| *t != 0.0)
     }

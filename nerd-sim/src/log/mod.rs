@@ -1,9 +1,9 @@
-//! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML beside it that gives meaning, unit and frame of the
-//! columns ([`LogSpec`]).
+//! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML that defines meaning, unit and frame
+//! of its columns ([`LogSpec`]).
 //!
-//! A [`Log`] holds states in the form of the solvers, one a frame of the robot. Its `notes` list the conversions: velocities from
-//! differences, cuts at gaps, resampled rates, copies left out. Impossible data ends in an error, or in a note with the figure: velocities
-//! that contradict the poses, free fall that is not g.
+//! A [`Log`] holds states in the form of the solvers, one per frame of the robot. Its `notes` list conversions:
+//! velocities from differences, cuts at gaps, resampling, dropped copies. Impossible data ends in an error, or in a
+//! note with the figure. Examples: velocities that contradict the poses, free fall that is not g.
 
 mod check;
 mod data;
@@ -21,11 +21,12 @@ pub use spec::{LogSpec, Published};
 
 use crate::{dataset::Recording, internal::*};
 
-/// Most frames between two rows.
+/// Maximum number of frames between two rows.
 const FEW: f64 = 100.0;
 
 impl Log {
-    /// Reads the TOML that describes a table; `csv` is the table, by default the one that the TOML names. Errors name file, row and column.
+    /// Reads the TOML that describes a table. `csv` is the table, by default the file named in the TOML. Errors name
+    /// file, row and column.
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
@@ -60,8 +61,9 @@ impl Log {
         Ok(log)
     }
 
-    /// Pieces of `frames` frames. Neighbours overlap by `shared` frames, so that every run of `shared + 1` frames of a trajectory is in one
-    /// piece. The last piece ends with its trajectory, and may repeat some runs. Shorter trajectories are left out.
+    /// Cuts trajectories into pieces of `frames` frames. Neighbouring pieces share `shared` frames, so that every run
+    /// of `shared + 1` frames is in one piece. The last piece ends with its trajectory and may repeat some runs.
+    /// Shorter trajectories are left out.
     pub fn recording(&self, trajectories: &[Trajectory], frames: usize, shared: usize) -> Result<Recording, LogError> {
         let (robot, scene) = (&self.system.robot, self.system.scene(&self.scene)?);
         let mut out = Recording { frames, ..Recording::default() };

@@ -1,28 +1,29 @@
-//! Rows of a table, in SI units and the coordinate order of states.
+//! Reads the rows of a table in SI units, with coordinates in the order of states.
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, Published, RootColumns, Units};
+use crate::files::renamed::{self, Kind};
 use crate::table::{Place, Row, Table, twice};
 use crate::{arrays::Arrays, internal::*};
 
-/// Largest number accepted as a measurement, in SI units; also for times since an epoch.
+/// Largest magnitude accepted as a measurement, in SI units; times since an epoch are below it.
 const MOST: f64 = 1e11;
 
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
     pub place: Place,
-    /// Time (s); NaN where no column has it.
+    /// Time (s); NaN without a time column.
     pub time: f64,
-    /// Coordinates as a state has them.
+    /// Coordinates q in the form of a state.
     pub q: Vec<f64>,
-    /// Velocities: of a floating root the angular velocity and its origin's velocity, both in world axes, then joints. NaN where not
-    /// measured.
+    /// Velocities: for a floating root the angular velocity and the velocity of its origin, in world axes, then joints.
+    /// NaN where not measured.
     pub qd: Vec<f64>,
-    /// Torques of the joints; NaN where a cell is empty.
+    /// Joint torques; NaN where a cell is empty.
     pub torques: Vec<f64>,
 }
 
-/// Consecutive rows of one trajectory.
+/// Consecutive rows of a trajectory.
 #[derive(Clone, Debug)]
 pub(super) struct Raw {
     pub id: u64,
@@ -34,7 +35,7 @@ struct Columns<'a> {
     trajectory: Option<usize>,
     time: Option<usize>,
     root: Option<Root<'a>>,
-    /// Column of position, velocity and torque; whether it slides.
+    /// Columns of position, velocity and torque; whether the joint is a slide.
     joints: Vec<([Option<usize>; 3], bool)>,
 }
 
@@ -43,12 +44,14 @@ struct Root<'a> {
     position: Vec<usize>,
     quaternion: Vec<usize>,
     velocity: Option<Vec<usize>>,
-    angular: Option<Vec<usize>>,
+    ang_vel: Option<Vec<usize>>,
 }
 
-/// The file's specification, and the robot it names.
+/// Reads a log's TOML, and the robot that it names.
 pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     let text = crate::files::read_text(path).map_err(|e| bad(path, e.to_string()))?;
+    let (text, old) = renamed::toml(Kind::Log, &text).map_err(|e| bad(path, e))?;
+    renamed::note(&path.display().to_string(), old);
     let spec: LogSpec = toml::from_str(&text).map_err(|e| bad(path, e.to_string().trim().replace('\n', " ")))?;
     for Published { method, position, rotation } in &spec.published {
         let within = |key: &str, x: f64| within(format!("[[published]] {method}: {key}"), x, 0.0..=1e9, "").map_err(|e| bad(path, e));
@@ -77,7 +80,7 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
 
 fn columns(spec: &LogSpec) -> Vec<&String> {
     let root = spec.root.iter().flat_map(|r| {
-        let rates = r.velocity.iter().chain(&r.angular).flatten();
+        let rates = r.velocity.iter().chain(&r.ang_vel).flatten();
         r.position.iter().chain(&r.quaternion).chain(rates)
     });
     let joints = spec.joints.iter().flat_map(|j| [Some(&j.position), j.velocity.as_ref(), j.torque.as_ref()].into_iter().flatten());
@@ -91,7 +94,7 @@ impl<'a> Columns<'a> {
         let some = |names: &Option<[String; 3]>| names.as_ref().map(|n| many(n)).transpose();
         let root = |spec: &'a RootColumns| -> Result<Root<'a>, FileError> {
             let (position, quaternion) = (many(&spec.position)?, many(&spec.quaternion)?);
-            Ok(Root { spec, position, quaternion, velocity: some(&spec.velocity)?, angular: some(&spec.angular)? })
+            Ok(Root { spec, position, quaternion, velocity: some(&spec.velocity)?, ang_vel: some(&spec.ang_vel)? })
         };
         let joints = system.robot.joints().filter_map(|joint| Some((joint, spec.joints.iter().find(|j| j.name == joint.name)?)));
         let joints = joints.map(|(joint, j)| {
@@ -123,9 +126,9 @@ impl<'a> Columns<'a> {
                 let x = columns.as_ref().map(|c| row.numbers(c)).transpose()?;
                 Ok(x.map_or(Vector3::repeat(f64::NAN), |x| Vector3::new(x[0], x[1], x[2]) * unit))
             };
-            let angular = three(&root.angular, angle)?;
-            let angular = if root.spec.axes == Axes::Body { turn * angular } else { angular };
-            qd.extend(angular.iter().chain(three(&root.velocity, length)?.iter()));
+            let ang_vel = three(&root.ang_vel, angle)?;
+            let ang_vel = if root.spec.axes == Axes::Body { turn * ang_vel } else { ang_vel };
+            qd.extend(ang_vel.iter().chain(three(&root.velocity, length)?.iter()));
         }
         for (joint, slides) in &self.joints {
             let unit = if *slides { length } else { angle };
@@ -140,7 +143,7 @@ impl<'a> Columns<'a> {
     }
 }
 
-/// The tables of a log: a file, or those in a folder, by name.
+/// The tables of a log: the file itself, or the tables in a folder, in order of their names.
 pub fn tables(csv: &Path) -> Result<Vec<PathBuf>, LogError> {
     if !csv.is_dir() {
         return Ok(vec![csv.into()]);
@@ -152,8 +155,8 @@ pub fn tables(csv: &Path) -> Result<Vec<PathBuf>, LogError> {
     if all.is_empty() { Err(bad(csv, "no .csv, .npz or .safetensors in this folder".into())) } else { Ok(all) }
 }
 
-/// All rows by trajectory, in the order of their names. Without a column of names, each table is one trajectory, or has as many as its
-/// arrays.
+/// All rows by trajectory, in order of the numbers. Without a trajectory column, each table is one trajectory, or as
+/// many as its arrays hold.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut all = BTreeMap::new();
     let mut next = 0;
@@ -177,7 +180,7 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
     Ok(all.into_values().collect())
 }
 
-/// Trajectories of one table; `first` is the number of its first one if they have no names.
+/// Trajectories of a table; without a trajectory column they are numbered from `first`.
 fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<BTreeMap<u64, Raw>, LogError> {
     let mut table = Table::of(csv, &columns(spec))?;
     let columns = Columns::new(&table, spec, system)?;

@@ -1,33 +1,33 @@
-//! The TOML beside a table of measurements: meaning, unit and frame of its columns.
+//! The TOML that describes a table of measurements: meaning, unit and frame of its columns.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
-/// One file of measurements.
+/// Description of a table of measurements.
 ///
 /// ```toml
-/// about = "MuJoCo, steps of 0.005 s" # where it comes from, in words
-/// cost = 60.5                       # time (us) that a frame took on one core, where a simulator made it
-/// file = "tosses.csv"               # beside this one: .csv, .npz or .safetensors; or a folder of such tables
-/// robot = "cube.urdf"               # beside this one, or a built-in robot's name
-/// scene = "ground"                  # where it was measured, by default this one, or `free` where the robot has none
-/// only = [0, 2, 3]                  # trajectories to read; without it all
-/// folds = [[0, 3], [2]]             # those that are judged together, by what was fitted to the others; each in one of them
-/// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
-/// time = "t"                        # without it each row is a frame after the one before
-/// units = { length = "m", angle = "rad", time = "s" }   # these by default; also cm, mm; deg; ms, us, ns
+/// about = "MuJoCo, steps of 0.005 s" # origin of the data
+/// cost = 60.5                       # computation time (us) of a frame on one core, if a simulator made the data
+/// file = "tosses.csv"               # table in the same folder: .csv, .npz or .safetensors; or a folder of tables
+/// robot = "cube.urdf"               # file in the same folder, or name of a built-in robot
+/// scene = "ground"                  # scene of the measurement [default: ground, or free for a robot without it]
+/// only = [0, 2, 3]                  # trajectories to read [default: all]
+/// folds = [[0, 3], [2]]             # groups held out together in cross-validation; each trajectory is in one
+/// trajectory = "toss"               # column with the trajectory's number [default: all rows are one trajectory]
+/// time = "t"                        # column of time [default: one frame per row]
+/// units = { length = "m", angle = "rad", time = "s" }   # the defaults; also cm, mm; deg; ms, us, ns
 /// [root]                            # of a floating robot
-/// position = ["px", "py", "pz"]     # the root link's origin, world axes
+/// position = ["px", "py", "pz"]     # origin of the root link, world axes
 /// quaternion = ["qw", "qx", "qy", "qz"]
-/// order = "wxyz"                    # of the four columns above
-/// velocity = ["vx", "vy", "vz"]     # of the origin, world axes; without it from differences
-/// angular = ["wx", "wy", "wz"]      # without it from differences
-/// axes = "body"                     # of `angular`: body or world, by default the world's
-/// [[joint]]                         # one for every joint of the robot
+/// order = "wxyz"                    # order of the four columns above
+/// velocity = ["vx", "vy", "vz"]     # of the origin, world axes [default: from differences]
+/// ang_vel = ["wx", "wy", "wz"]      # [default: from differences]
+/// axes = "body"                     # axes of `ang_vel`: body or world [default: world]
+/// [[joint]]                         # one for each joint of the robot
 /// name = "hinge"
 /// position = "theta"
-/// velocity = "thetadot"             # without it from differences
-/// torque = "tau"                    # from this row to the next; without it 0. An empty cell (or NaN) ends a trajectory
+/// velocity = "thetadot"             # [default: from differences]
+/// torque = "tau"                    # from this row to the next [default: 0]; an empty cell (or NaN) ends a trajectory
 /// [[published]]                     # published results on these measurements
 /// method = "ContactNets"
 /// position = 0.017                  # mean distance (m)
@@ -38,7 +38,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 pub struct LogSpec {
     pub(super) about: Option<String>,
     pub(super) cost: Option<f64>,
-    /// Table beside this file, or a folder of them.
+    /// Table, or folder of tables, relative to this file.
     pub file: String,
     pub(super) robot: String,
     pub(super) scene: Option<String>,
@@ -56,19 +56,19 @@ pub struct LogSpec {
     pub(super) published: Vec<Published>,
 }
 
-/// A published figure on the same measurements.
+/// A published result on the same measurements.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Published {
-    /// Method that it was published for.
+    /// Name of the method.
     pub method: String,
-    /// Mean distance of the root (m).
+    /// Mean distance of the root positions (m).
     pub position: f64,
-    /// Mean angle of the root (rad).
+    /// Mean angle between the root orientations (rad).
     pub rotation: f64,
 }
 
-/// Units, as factors to metres, radians and seconds; velocities are in units of length or angle over time.
+/// Units as factors to m, rad and s; velocities are in units of length or angle per unit of time.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Units {
@@ -107,7 +107,7 @@ pub(super) struct RootColumns {
     pub quaternion: [String; 4],
     pub order: Order,
     pub velocity: Option<[String; 3]>,
-    pub angular: Option<[String; 3]>,
+    pub ang_vel: Option<[String; 3]>,
     #[serde(default)]
     pub axes: Axes,
 }
@@ -120,7 +120,7 @@ pub(super) enum Order {
 }
 
 impl Order {
-    /// The rotation with these four numbers, in this order.
+    /// The rotation given by four numbers in this order.
     pub fn turn(self, [a, b, c, d]: [f64; 4]) -> UnitQuaternion<f64> {
         UnitQuaternion::new_normalize(match self {
             Self::Wxyz => Quaternion::new(a, b, c, d),
@@ -129,7 +129,7 @@ impl Order {
     }
 }
 
-/// Axes of an angular velocity: the world's, or the root link's.
+/// Axes of an angular velocity: world, or root link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Axes {

@@ -1,4 +1,4 @@
-//! From rows to frames: removes copies, cuts at gaps, computes missing velocities from differences, resamples other rates.
+//! Converts rows to frames: removes copies, cuts at gaps, differentiates positions, resamples.
 
 use nerd_core::state::{difference, wrap_state};
 
@@ -6,35 +6,36 @@ use super::data::Trajectory;
 use super::read::{Moment, Raw};
 use crate::internal::*;
 
-/// A step larger than the usual one by this factor is a gap.
+/// Ratio of a time step to the usual step above which it is a gap.
 const GAP: f64 = 1.5;
-/// Share of a frame by which a row may be early or late; or half of the times' last digit, if that is no more than the second figure.
+/// Largest deviation of a row's time from its frame, as a share of a frame. Half of the times' last digit is also
+/// accepted, up to `ROUNDED` of a frame.
 const JITTER: f64 = 0.01;
 const ROUNDED: f64 = 0.05;
 /// Largest difference of numbers between two copies: files round digits.
 const SAME: f64 = 1e-4;
 
-/// The usual step of a trajectory: the median.
+/// Usual time step (s) of a trajectory: the median.
 pub(super) fn step(moments: &[Moment]) -> f64 {
     let mut steps: Vec<f64> = moments.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
-/// Half of the last decimal digit that times are written with (s), down to a microsecond.
+/// Half of the last decimal digit (s) of the times; 0 for digits below 10 us.
 fn rounding(moments: &[Moment]) -> f64 {
     let whole = |digit: f64| moments.iter().all(|m| (m.time / digit - (m.time / digit).round()).abs() < 1e-3);
     [1e-1, 1e-2, 1e-3, 1e-4, 1e-5].into_iter().find(|digit| whole(*digit)).unwrap_or(0.0) / 2.0
 }
 
-/// Removes trajectories that equal another one up to rotation about the vertical and horizontal shift: they would count twice, and could be
-/// on both sides of a split.
+/// Removes trajectories that equal another one up to a rotation about the vertical and a horizontal shift. They would
+/// count twice, and could end on both sides of a split.
 pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
     if !system.robot.floating() {
         return;
     }
     let joints = system.robot.root_coords();
-    // Quantities that such a motion does not change: heights, the vertical in body axes, and joints.
+    // Invariants of such a motion: heights, the vertical in body axes, joint positions.
     let print = |raw: &Raw| -> Vec<f64> {
         let of = |m: &Moment| {
             let up = quaternion(&m.q[3..7]).inverse() * Vector3::z();
@@ -42,7 +43,7 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
         };
         raw.moments.iter().flat_map(of).collect()
     };
-    // Keyed by the middle one of these numbers, in steps of the largest difference between copies.
+    // Keyed by the middle number, in steps of the largest difference between copies.
     let mut prints: BTreeMap<i64, Vec<Vec<f64>>> = BTreeMap::new();
     let before = raw.len();
     raw.retain(|r| {
@@ -60,14 +61,14 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     }
 }
 
-/// Cuts trajectories where rows or torques are missing; a piece needs two rows.
+/// Cuts trajectories where rows or torques are missing; a piece needs at least two rows.
 pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     let (mut all, mut gaps, mut idle, mut first) = (Vec::new(), 0, 0, None);
     for Raw { id, moments } in raw {
         let limit = GAP * step(&moments);
         let mut part: Vec<Moment> = Vec::new();
         for moment in moments {
-            // Torques after the last row are unknown.
+            // The torque after a trajectory's last row may be unknown.
             let unknown = part.last().is_some_and(|last| last.torques.iter().any(|t| t.is_nan()));
             let late = part.last().is_some_and(|last| moment.time - last.time > limit);
             if late || unknown {
@@ -94,7 +95,7 @@ pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     all
 }
 
-/// Missing velocities, by central differences.
+/// Fills in missing velocities by central differences; returns whether any were missing.
 fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     let robot = &system.robot;
     let missing: Vec<usize> = (0..robot.nv()).filter(|&k| moments.iter().any(|m| m.qd[k].is_nan())).collect();
@@ -110,14 +111,14 @@ fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     true
 }
 
-/// Difference of joint positions; endless joints take the shorter way.
+/// Difference of joint positions `b - a`; endless joints take the shorter direction.
 pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let first = robot.root_coords();
     let each = robot.joints().zip(a[first..].iter().zip(&b[first..]));
     each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
 }
 
-/// Velocities from one pose to another: angular and linear of the root in world axes, then joints.
+/// Velocities from one pose to another: angular and linear velocity of the root in world axes, then joints.
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = vec![0.0; robot.nv()];
     difference(robot, a, b, &mut out);
@@ -125,7 +126,7 @@ pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64
     out
 }
 
-/// Mean torque over an interval, with each row's torque held until the next row; unknown torques count as 0.
+/// Mean torque over an interval, with each row's torque held constant until the next row; 0 outside all rows.
 fn held(moments: &[Moment], [from, to]: [f64; 2]) -> Vec<f64> {
     let (mut sum, mut total) = (vec![0.0; moments[0].torques.len()], 0.0);
     for pair in moments.windows(2).take_while(|pair| pair[0].time < to) {
@@ -138,7 +139,8 @@ fn held(moments: &[Moment], [from, to]: [f64; 2]) -> Vec<f64> {
     sum.into_iter().map(|sum| if total > 0.0 { sum / total } else { 0.0 }).collect()
 }
 
-/// Interpolates between two moments at `time`: positions and velocities linearly, rotations on the shortest arc, torques held.
+/// Interpolates between two moments at `time`: positions and velocities linearly, rotations along the shortest arc,
+/// torques held constant.
 fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     let s = (time - a.time) / (b.time - a.time);
     let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect::<Vec<_>>();
@@ -182,7 +184,7 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
             wrap_state(robot, &mut state);
             state
         });
-        // Torques after the last row have no effect here.
+        // Torques after the last row have no effect.
         let torques = moments.iter().map(|m| m.torques.iter().map(|t| if t.is_nan() { 0.0 } else { *t }).collect());
         Trajectory { id, states: states.collect(), torques: torques.collect() }
     });

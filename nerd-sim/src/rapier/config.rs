@@ -1,28 +1,31 @@
-//! Settings.
+//! Settings of rapier.
 
 use rapier3d_f64::prelude as rapier;
 
 use crate::{internal::*, system::MOST_SUBSTEPS};
 
-/// Natural frequency of contacts (Hz): at rapier's own 60 a resting robot sinks 0.7 mm, here 0.04 mm. Their damping ratio is rapier's own.
+/// Natural frequency of contacts (Hz), and their damping ratio (rapier's default). At rapier's default of 60 Hz a
+/// resting robot penetrates by 0.7 mm, here by 0.04 mm.
 const FREQUENCY: f64 = 240.0;
 const DAMPING_RATIO: f64 = 10.0;
-/// Typical length of the scene (m), which scales rapier's tolerances: the size of a robot's parts.
+/// Typical length of the scene (m), which scales rapier's tolerances: size of a robot's links.
 const LENGTH: f64 = 0.1;
 
 /// Settings of [`super::Rapier`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RapierConfig {
-    /// Solver iterations of an outer step, which are rapier's substeps, at least 1. Default 4.
+    /// Solver iterations (rapier's substeps) per outer step, at least 1. Default 4.
     pub iterations: usize,
-    /// Outer steps of a frame, each with its own collision detection and limit check, at least 1. Default 4: with 1, a link passes through
-    /// a surface that it crosses within a frame (0.1 m penetration on the double pendulum, against 0.01).
+    /// Outer steps per frame, each with collision detection and a check of limits, at least 1. Default 4. With 1, a
+    /// link passes through a surface that it crosses within a frame: the double pendulum penetrates by 0.1 m instead of
+    /// 0.01 m.
     pub steps: usize,
-    /// Restitution of every contact, from 0 to 1. Default 0; it replaces the compliant law's damping.
+    /// Restitution of every contact, 0 to 1. Default 0. It replaces the damping of the compliant contact model.
     pub restitution: f64,
-    /// Whether a floating robot's frame is stepped in the axes of its root at the frame's start. Default no. rapier's friction acts along
-    /// two axes of its world, so a rotated robot slides differently: on the Ant by more than half of the steps would change.
+    /// Whether a floating robot's frame is stepped in the axes of its root at the start of the frame. Default no.
+    /// rapier's friction acts along two axes of its world, so the result depends on the robot's heading. On the Ant
+    /// this exceeds half the effect of more steps.
     pub own_axes: bool,
 }
 
@@ -33,11 +36,6 @@ impl Default for RapierConfig {
 }
 
 impl RapierConfig {
-    /// `n` substeps in one outer step: for work-precision curves in free space.
-    pub fn substeps(n: usize) -> Self {
-        Self { iterations: n, steps: 1, ..Self::default() }
-    }
-
     pub(super) fn check(&self) -> Result<(), String> {
         within("rapier: iterations", self.iterations as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
         within("rapier: steps", self.steps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
@@ -53,7 +51,8 @@ impl RapierConfig {
             contact_softness: softness,
             static_contact_softness: softness,
             length_unit: LENGTH,
-            // For a robot that is one free body; the simplified model is up to 10 % off on small feet. Multibodies always use this one.
+            // Needed for a single free body: the simplified model is up to 10 % off on small feet. Multibodies always
+            // use this model.
             friction_model: rapier::FrictionModel::Coulomb,
             // Motion clamping loses time, a speed limit loses energy, a recycled contact is stale.
             max_ccd_substeps: 0,

@@ -1,6 +1,6 @@
-//! One frame of one environment.
+//! Steps one environment by one frame in rapier.
 
-use nalgebra::{Quaternion, Vector3};
+use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
 use super::pairs::{Pairs, TURNS, turns};
@@ -8,7 +8,7 @@ use super::template::{Template, axis, insert_scene};
 use crate::scene::{from_parry, pose_from_parry, pose_to_parry, to_parry};
 use crate::{internal::*, solver::parallel::Frame};
 
-/// A robot's template and a world that is rebuilt every frame.
+/// A robot's template, and a world that is rebuilt in every frame.
 pub(super) struct Workspace {
     template: Arc<Template>,
     world: PhysicsWorld,
@@ -65,7 +65,7 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// rapier divides by zero, and drops accelerations that overflow, silently; both are checked first.
+    /// rapier silently divides by zero and drops overflowing accelerations, so check both first.
     fn check(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64]) -> Result<(), String> {
         if scene.uneven() {
             return Err(format!("scene `{}`: rapier does not know terrain; take `articulated`", scene.name));
@@ -86,7 +86,7 @@ impl Workspace {
         }
     }
 
-    /// Resets the world to one that has never been stepped, rotated by `turn`.
+    /// Replaces the world by one that has never been stepped, rotated by `turn`.
     fn renew(&mut self, scene: &Scene, turn: &UnitQuaternion<f64>, config: &RapierConfig, frame_time: f64) {
         let Template { bodies, colliders, joints, .. } = &*self.template;
         self.world = PhysicsWorld {
@@ -100,13 +100,13 @@ impl Workspace {
         insert_scene(scene, turn, config.restitution, &mut self.world.colliders);
     }
 
-    /// The multibody with the bodies it moves.
+    /// The multibody and its rigid bodies.
     fn multibody(&mut self) -> Option<(&mut Multibody, &mut RigidBodySet)> {
         let multibody = self.world.multibody_joints.get_multibody_mut(self.template.multibody?)?;
         Some((multibody, &mut self.world.bodies))
     }
 
-    /// Puts the robot at (q, qd), velocities local.
+    /// Sets the robot's state (q, qd), with local velocities.
     fn place(&mut self, robot: &Robot, q: &[f64], qd: &[f64]) -> Result<(), String> {
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
         let com = self.template.root_com;
@@ -140,8 +140,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies. Limits that are violated
-    /// now act as rapier's implicit spring and damper, which is the law of [`nerd_core::robot::Limit`].
+    /// Applies joint torques for one outer step, as opposite torques (forces on a slide) on the two bodies. Violated
+    /// limits act as rapier's implicit spring and damper, which is the law of [`nerd_core::robot::Limit`].
     fn drive(&mut self, robot: &Robot, tau: &[f64]) -> Result<(), String> {
         let first = usize::from(robot.floating());
         for handle in &self.template.links {
@@ -179,8 +179,8 @@ impl Workspace {
             let end = joint.limit.map_or(q, |l| q.clamp(l.lower, l.upper));
             let limit = joint.limit.filter(|_| end != q);
             let (stiffness, damping) = limit.map_or((0.0, 0.0), |l| (l.stiffness, l.damping));
-            // rapier has one spring a joint: where a limit acts together with the joint's own spring, the combined rest position lies
-            // between.
+            // rapier has one spring per joint. Where limit and joint spring act together, their combined rest position
+            // lies between both.
             let all = stiffness + joint.stiffness;
             let rest = if joint.stiffness == 0.0 { end } else { (stiffness * end + joint.stiffness * joint.rest) / all };
             link.joint.set_spring(axis(joint), all, rest);
@@ -189,7 +189,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// Reads (q, qd) back, velocities local.
+    /// Reads back (q, qd), with local velocities.
     fn read(&mut self, robot: &Robot, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
         let com = self.template.root_com;
@@ -212,8 +212,8 @@ impl Workspace {
         }
         let arm = pose.rotation * com;
         q[..3].copy_from_slice((pose.translation.vector - arm).as_slice());
-        // Of the two quaternions of a rotation, the one nearer to the last.
-        let before = Quaternion::new(q[6], q[3], q[4], q[5]);
+        // Of the two quaternions of a rotation, take the one nearer to the previous.
+        let before = raw_quaternion(&q[3..]);
         write_quaternion(&mut q[3..7], &pose.rotation);
         if pose.rotation.quaternion().dot(&before) < 0.0 {
             q[3..7].iter_mut().for_each(|x| *x = -*x);
@@ -224,7 +224,7 @@ impl Workspace {
     }
 }
 
-/// Rotates a floating root about the world's origin; velocities local.
+/// Rotates a floating root about the world origin; velocities are local.
 fn turned(turn: &UnitQuaternion<f64>, q: &mut [f64], qd: &mut [f64]) {
     let orientation = turn * quaternion(&q[3..7]);
     write_quaternion(&mut q[3..7], &orientation);

@@ -1,10 +1,9 @@
-//! rapier's reduced-coordinate multibodies behind [`crate::solver::Solver`], set up so that the next state is a
-//! function of state, torques and scene alone: every frame starts from a fresh world, so no warm start, contact cache or
-//! sleep state is carried over.
+//! rapier's reduced-coordinate multibodies behind [`crate::solver::Solver`], with a fresh world in every frame. The
+//! next state is thus a function of state, torques and scene alone, without warm start, contact cache or sleeping.
 //!
-//! The same as in [`crate::articulated`]: inertias, armature, joint damping, the spring law of limits, the candidate contact points, the
-//! friction coefficient of a pair, which geoms meet. Different: contacts are rapier's stiff unilateral constraints (no
-//! [`crate::scene::Material`] stiffness or damping), and the integrator is of first order.
+//! Shared with [`crate::articulated`]: inertias, armature, joint damping, the spring law of limits, candidate contact
+//! points, friction coefficients, contact filters. Different: contacts are rapier's stiff unilateral constraints
+//! without [`crate::scene::Material`] stiffness and damping, and the integrator is of first order.
 
 mod config;
 mod frame;

@@ -1,10 +1,10 @@
-//! Contact filters and friction from a robot's file: which geoms never meet a collider, and the friction of those that do.
+//! Contact filters and friction from a robot's file, applied to rapier's contact pairs.
 
 use rapier3d_f64::prelude::*;
 
 use crate::internal::*;
 
-/// Marks a robot's collider that has a surface of its file; the surface is in the lower half.
+/// Marks a robot collider with a surface of the robot's file; the lower 64 bits hold the surface number.
 const OF_FILE: u128 = 1 << 64;
 
 /// Reason for refusing torsional and rolling friction.
@@ -15,7 +15,8 @@ pub(super) fn turns(material: &Material) -> bool {
     material.torsion > 0.0 || material.rolling > 0.0
 }
 
-/// A robot's collider that may have a surface of its file. It keeps the file's margin against the ground.
+/// Attaches a surface of the robot's file, if given, to a robot collider. Its margin is the file's margin against the
+/// ground.
 pub(super) fn of_file(system: &System, builder: ColliderBuilder, surface: Option<usize>) -> ColliderBuilder {
     let Some(surface) = surface.filter(|own| *own < system.surfaces.geoms.len()) else { return builder };
     let margin = system.surfaces.other(surface).map_or(0.0, |law| law.margin);
@@ -23,14 +24,14 @@ pub(super) fn of_file(system: &System, builder: ColliderBuilder, surface: Option
     builder.user_data(OF_FILE | surface as u128).contact_skin(margin.max(0.0)).active_hooks(hooks)
 }
 
-/// A robot in its scene, for rapier's pair filter.
+/// A robot and its scene, for rapier's contact hooks.
 pub(super) struct Pairs<'a> {
     pub(super) system: &'a System,
     pub(super) scene: &'a Scene,
 }
 
 impl Pairs<'_> {
-    /// The material of two colliders; `None` if they never meet.
+    /// Material of two colliders; `None` if they never collide.
     fn material(&self, colliders: &ColliderSet, pair: [ColliderHandle; 2]) -> Option<Material> {
         let data = pair.map(|handle| colliders.get(handle).map_or(0, |c| c.user_data));
         let [robot, scene] = if data[0] & OF_FILE != 0 { data } else { [data[1], data[0]] };

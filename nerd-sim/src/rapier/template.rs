@@ -1,6 +1,6 @@
-//! A robot as rapier's bodies: built once, never stepped, copied into a fresh world every frame.
+//! A robot as rapier's bodies: built once, never stepped, copied into a fresh world in every frame.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
@@ -9,7 +9,7 @@ use super::pairs::{TURNS, of_file, turns};
 use crate::internal::*;
 use crate::scene::{self, pose_to_parry, to_parry};
 
-/// Groups that let the robot touch the scene but not itself.
+/// Collision groups: the robot collides with the scene, but not with itself.
 const ROBOT: InteractionGroups = InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And);
 const SCENE: InteractionGroups = InteractionGroups::new(Group::GROUP_2, Group::GROUP_1, InteractionTestMode::And);
 
@@ -19,11 +19,11 @@ pub(super) struct Template {
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
     pub(super) links: Vec<RigidBodyHandle>,
-    /// The multibody; `None` for a single free body. Its link 0 is the base or the floating root, its DoFs are in the order of `qd`, except
-    /// that a root's linear ones come first.
+    /// The multibody; `None` for a single free body. Its link 0 is the base or the floating root. Its DoFs are in the
+    /// order of `qd`, except that a root's linear DoFs come first.
     pub(super) multibody: Option<MultibodyIndex>,
-    /// Centre of mass of a floating root in its link frame. Its body's origin lies there, since rapier integrates the origin of a free root
-    /// with the velocity of its centre of mass.
+    /// Centre of mass of a floating root in its link frame, and origin of its rapier body: rapier integrates the origin
+    /// of a free root with the velocity of its centre of mass.
     pub(super) root_com: Vector3<f64>,
 }
 
@@ -72,18 +72,18 @@ impl Template {
         let handles: Vec<_> = bodies.iter().map(|(handle, _)| handle).collect();
         for handle in handles {
             if let Some(body) = bodies.get_mut(handle) {
-                // Without this the masses are zero until after the first step.
+                // Otherwise the masses are zero until after the first step.
                 body.recompute_mass_properties_from_colliders(&colliders);
             }
         }
         let multibody = links.last().and_then(|last| joints.rigid_body_link(*last)).map(|l| l.multibody);
         if let Some(multibody) = multibody.and_then(|index| joints.get_multibody_mut(index)) {
-            // A fixed root has six DoFs until this call reads its kind from its body.
+            // A fixed root has six DoFs until this call reads the type of its body.
             multibody.forward_kinematics(&bodies, true);
             if multibody.ndofs() != robot.nv() {
                 return Err(format!("rapier gives the robot {} degrees of freedom, it has {}", multibody.ndofs(), robot.nv()));
             }
-            // rapier damps every angular DoF by 0.1, a free root's too.
+            // rapier damps every angular DoF by 0.1, including a free root's.
             multibody.damping_mut().fill(0.0);
             for (i, joint) in robot.joints().enumerate() {
                 multibody.damping_mut()[robot.root_dofs() + i] = joint.damping;
@@ -94,7 +94,7 @@ impl Template {
     }
 }
 
-/// Colliders with which a link touches the scene, and the surface of each.
+/// Colliders of a link against the scene, each with its surface number in the robot's file.
 fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<(ColliderBuilder, Option<usize>)> {
     let (shapes, points) = robot.touching(link);
     let shapes = shapes.into_iter().filter_map(|shape| {
@@ -115,7 +115,8 @@ fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<(ColliderBu
     shapes.chain(balls.map(ball)).collect()
 }
 
-/// Adds a scene's colliders to a world that is rotated about its origin. A pair's restitution is the larger one, the scene's.
+/// Adds a scene's colliders to a world that is rotated about its origin by `turn`. The restitution of a pair is the
+/// larger one, which is the scene's.
 pub(super) fn insert_scene(scene: &Scene, turn: &UnitQuaternion<f64>, restitution: f64, colliders: &mut ColliderSet) {
     for (k, body) in scene.colliders.iter().enumerate() {
         let scene::Collider { shape, pose, material, .. } = body;
@@ -125,12 +126,12 @@ pub(super) fn insert_scene(scene: &Scene, turn: &UnitQuaternion<f64>, restitutio
     }
 }
 
-/// Number of the free axis of a joint among rapier's six: linear x or angular x.
+/// Index of a joint's free axis among rapier's six: linear x or angular x.
 pub(super) fn axis(joint: &Joint) -> usize {
     if joint.kind == JointKind::Prismatic { 0 } else { 3 }
 }
 
-/// Friction by the mean of the pair, no restitution of its own, and half of the pair's margin.
+/// Sets friction (mean of a pair), zero restitution, and half of the pair's margin.
 fn surface(builder: ColliderBuilder, material: &Material, groups: InteractionGroups) -> ColliderBuilder {
     builder
         .contact_skin((0.5 * material.margin).max(0.0))
@@ -141,7 +142,7 @@ fn surface(builder: ColliderBuilder, material: &Material, groups: InteractionGro
         .collision_groups(groups)
 }
 
-/// Pose of a link's body in the link frame.
+/// Origin of a link's rapier body in the link frame.
 fn shift(robot: &Robot, link: usize, root_com: &Vector3<f64>) -> Vector3<f64> {
     if robot.floating() && link == 0 { *root_com } else { Vector3::zeros() }
 }
@@ -152,11 +153,10 @@ fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassPropertie
     MassProperties::with_inertia_matrix(to_parry(&(inertia.com - shift)), inertia.mass, Matrix::from_cols(column(0), column(1), column(2)))
 }
 
-/// A joint about or along the x axis of two frames; `parent` is the pose of the parent's body in its link frame.
+/// A joint along or about the x axis of two frames; `parent` is the origin of the parent's rapier body in its link
+/// frame.
 fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
-    let turn = UnitQuaternion::rotation_between(&Vector3::x(), joint.axis());
-    let turn = turn.unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), PI));
-    let align = Isometry3::from_parts(Vector3::zeros().into(), turn);
+    let align = Isometry3::from_parts(Vector3::zeros().into(), rotation_from(&Vector3::x_axis(), joint.axis()));
     let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin() * align;
     let locked =
         if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };

@@ -1,4 +1,5 @@
-//! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
+//! Static colliders as parry shapes, shared by all solvers including learned ones. A plane is solved in closed form,
+//! not as a mesh.
 
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::SharedShape;
@@ -7,44 +8,44 @@ use super::parry::{from_parry, pose_to_parry, to_parry};
 use super::{Field, Hull};
 use crate::internal::*;
 
-/// Queries at most that find the deepest place of a disc or hull against what is not flat.
+/// Maximum number of queries in the search for the deepest point of a disc or hull against a curved surface.
 const SEARCHES: usize = 4;
 
 /// The half-space `normal . x <= offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plane {
-    /// Unit normal, pointing out.
+    /// Unit normal, pointing outward.
     pub normal: Vector3<f64>,
-    /// Distance of the surface from the world's origin along the normal (m).
+    /// Offset of the surface from the world origin along the normal (m).
     pub offset: f64,
 }
 
-/// One static body.
+/// A static collider.
 #[derive(Clone, Debug)]
 pub struct Collider {
-    /// Its shape.
+    /// Parry's shape.
     pub shape: SharedShape,
-    /// Its pose in the world.
+    /// World pose.
     pub pose: Isometry3<f64>,
-    /// Its material.
+    /// Contact material.
     pub material: Material,
-    /// Set if the shape is a half-space, which is then answered in closed form.
+    /// The plane if the shape is a half-space, solved in closed form.
     pub plane: Option<Plane>,
-    /// Set if it is ground that is not flat: heights along the z axis of its pose. Its shape is the half-space below height 0.
+    /// Uneven ground, if set: heights along the z axis of `pose`. `shape` is then the half-space below height 0.
     pub field: Option<Field>,
-    /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked
-    /// how far. Another shape needs another one.
+    /// Bounding sphere of the shape, centre and radius (m) in the collider's axes, set by [`Collider::new`]. Far points
+    /// skip the query. Update it if you replace `shape`.
     pub ball: (Vector3<f64>, f64),
-    /// Set if it is a convex hull of corners.
+    /// Faces of the shape if it is a convex hull.
     pub hull: Option<Hull>,
-    /// Number of its geom in the robot's file, if it is one of that.
+    /// Surface number of the collider's geom, if it comes from the robot's file.
     pub surface: Option<usize>,
-    /// Whether a scene says its material.
+    /// Whether the material is set by the scene.
     pub stated: bool,
 }
 
 impl Collider {
-    /// A plane.
+    /// A half-space.
     pub fn plane(plane: Plane, material: Material) -> Self {
         let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
         let ball = (Vector3::zeros(), f64::INFINITY);
@@ -61,7 +62,7 @@ impl Collider {
         }
     }
 
-    /// Ground that is not flat, its heights along the z axis of its pose.
+    /// Uneven ground, with heights along the z axis of `pose`.
     pub fn terrain(field: Field, pose: Isometry3<f64>, material: Material) -> Self {
         let ball = (Vector3::zeros(), f64::INFINITY);
         Self {
@@ -77,17 +78,17 @@ impl Collider {
         }
     }
 
-    /// The direction of its heights.
+    /// World direction of the heights.
     pub(crate) fn up(&self) -> Vector3<f64> {
         self.pose.rotation * Vector3::z()
     }
 
-    /// A place in its own axes (m).
+    /// A world point in the collider's axes (m).
     pub(crate) fn inside(&self, p0: &Vector3<f64>) -> Vector3<f64> {
         self.pose.rotation.inverse_transform_vector(&(p0 - self.pose.translation.vector))
     }
 
-    /// A shape of a body at `at`.
+    /// A shape of a body with world pose `at`.
     pub(crate) fn shaped(Shape { pose, kind, surface }: &Shape, at: &Isometry3<f64>, material: Material) -> Self {
         let shape = match *kind {
             ShapeKind::Sphere { radius } => SharedShape::ball(radius),
@@ -103,7 +104,7 @@ impl Collider {
         Self { surface: *surface, ..Self::new(shape, at * pose, material) }
     }
 
-    /// Any other parry shape.
+    /// Any parry shape.
     pub fn new(shape: SharedShape, pose: Isometry3<f64>, material: Material) -> Self {
         let plane = shape.as_halfspace().map(|h| {
             let normal = pose.rotation * from_parry(&h.normal);
@@ -123,7 +124,7 @@ impl Collider {
         }
     }
 
-    /// Says what is not finite or out of its range, if anything is. Solvers ask in every frame.
+    /// Refuses values that are not finite or out of range. Solvers call this in every frame.
     pub fn check(&self) -> Result<(), String> {
         let unit = |square: f64| (square - 1.0).abs() < 2e-6;
         let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
@@ -147,8 +148,8 @@ impl Collider {
         self.material.check()
     }
 
-    /// Whether no place of it is nearer to `p0` than `reach` (m), as far as a ball around it tells: sooner than a query does. Of what is no
-    /// number it is not known.
+    /// Whether a bound proves the collider to be at least `reach` (m) from `p0`. The bound is cheaper than a query:
+    /// bounding sphere, plane or hull faces. False for NaN.
     #[inline(always)]
     pub(crate) fn beyond(&self, p0: &Vector3<f64>, reach: f64) -> bool {
         let (centre, radius) = self.ball;
@@ -162,7 +163,7 @@ impl Collider {
         }
     }
 
-    /// Nearest point and outward normal of the surface for the world point `p0`.
+    /// Nearest surface point, outward normal and signed distance for the world point `p0`.
     #[inline(always)]
     pub(crate) fn query(&self, p0: &Vector3<f64>) -> ContactEvent {
         if let Some(plane) = &self.plane {
@@ -190,8 +191,8 @@ impl Collider {
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
     }
 
-    /// The same for a contact point wherever it lies on its link, whose kinematics are in `data`; `middle` is its middle in the world. Of what is
-    /// farther than `reach` (m) the distance may be less than it is, and no less than that.
+    /// As [`Collider::query`], for a contact point of a link. `data` has the kinematics; `middle` is the point's centre
+    /// in world axes. A distance beyond `reach` (m) may be underestimated, but not below `reach`.
     #[inline(always)]
     pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>, reach: f64) -> ContactEvent {
         if point.locus.is_fixed() { self.query(middle) } else { self.search(point, data, middle, reach) }
@@ -205,8 +206,8 @@ impl Collider {
             return self.query(&at(&point.facing(rotation, &plane.normal)));
         }
         let first = self.query(middle);
-        if self.hull.is_some() {
-            // Of planes that touch the hull the one that the link is farthest over, or least under.
+        if self.field.is_none() {
+            // Among supporting planes of the convex shape, find the one with the largest signed distance from the link.
             let (mut best, mut event) = (ContactEvent { distance: f64::NEG_INFINITY, ..first }, first);
             for _ in 0..SEARCHES {
                 let place = at(&point.facing(rotation, &event.normal));
@@ -225,7 +226,7 @@ impl Collider {
             return best;
         }
         let (mut normal, mut nearest) = (first.normal, f64::INFINITY);
-        // Where the surface is not flat, its normal at the deepest place decides which place that is.
+        // On a curved surface, the normal at the deepest point determines the deepest point: iterate.
         for _ in 0..SEARCHES {
             let event = self.query(&at(&point.deepest(rotation, &normal)));
             if event.distance >= nearest || event.normal == Vector3::zeros() {

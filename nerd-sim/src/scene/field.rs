@@ -1,5 +1,8 @@
-//! Ground that is not flat: a grid of heights, bilinear between its nodes, that repeats along x and y, or ends and is a block with that top.
-//! Distance and normal of a place are those of the surface straight below it, so a ball's are off by what the surface bends under it.
+//! Uneven ground: a grid of heights with bilinear interpolation that repeats along x and y, or a finite block with this
+//! top.
+//!
+//! Distance and normal refer to the tangent plane vertically below the point. For a sphere they ignore the curvature of
+//! the ground beneath.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -8,37 +11,37 @@ use rand::RngExt;
 
 use crate::{internal::*, random::stream};
 
-/// Nodes of a drawn field along x and along y.
+/// Nodes of a generated field along x and along y.
 const NODES: usize = 128;
 
-/// How a field's heights are drawn.
+/// Kinds of generated ground.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum TerrainKind {
-    /// Each node's height from `U(0, height)`.
+    /// Each node's height is drawn from `U(0, height)`.
     Rubble,
-    /// Stairs that go up to the middle of the field from all sides: `height` a step, `length` deep.
+    /// Stairs that rise to the middle of the field from all sides, with steps of `height` and depth `length`.
     Steps,
-    /// The same without steps.
+    /// As [`TerrainKind::Steps`], with slopes in place of stairs.
     Slopes,
-    /// Waves along x and y, of this height and about this length.
+    /// Waves along x and y with height `height` and wavelength near `length`.
     Waves,
 }
 
-/// Ground in a TOML.
+/// Generated ground in a TOML.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct TerrainSpec {
-    /// Its kind.
+    /// Kind of ground.
     pub kind: TerrainKind,
-    /// Height (m): see [`TerrainKind`].
+    /// Height (m), as defined by [`TerrainKind`].
     pub height: f64,
-    /// Distance of its nodes (m); it repeats after 128.
+    /// Node spacing (m); the field repeats after 128 nodes.
     #[serde(default = "cell")]
     pub cell: f64,
-    /// Depth of a step, or length of a wave (m), of those kinds alone; none: 1 m, or what cells allow.
+    /// Depth of a step or wavelength (m), for steps, slopes and waves only; default: 1 m, clamped to the field's range.
     pub length: Option<f64>,
-    /// Seed of rubble; none: 0.
+    /// Seed of rubble; default: 0.
     pub seed: Option<u64>,
 }
 
@@ -47,7 +50,7 @@ fn cell() -> f64 {
 }
 
 impl TerrainSpec {
-    /// Says which number is out of its range, if one is.
+    /// Refuses a number out of range.
     pub fn check(&self) -> Result<(), String> {
         within("`height`", self.height, 0.0..=10.0, "m")?;
         within("`cell`", self.cell, 1e-3..=10.0, "m")?;
@@ -73,30 +76,31 @@ impl TerrainSpec {
 pub struct Field {
     cell: [f64; 2],
     nodes: [usize; 2],
-    /// `[x][y]`, before scaling.
+    /// Heights `[x][y]`, before scaling.
     heights: Arc<[f64]>,
     highest: f64,
-    /// Bound of the square of its slope.
+    /// Upper bound of the squared slope, before scaling.
     steepest: f64,
-    /// Heights are multiplied by it.
+    /// Factor on all heights.
     scale: f64,
-    /// How deep (m) below height 0 it ends, if it does not repeat.
+    /// Depth (m) of the bottom below height 0, for a finite block.
     base: Option<f64>,
 }
 
 impl Field {
-    /// Of heights (m) `[x][y]` at nodes `cell` (m) apart, the first of them at the origin; it repeats.
+    /// A repeating field with heights (m) `[x][y]` at nodes `cell` (m) apart, the first node at the origin.
     ///
     /// # Errors
-    /// If there are not so many heights, or one is not finite.
+    /// If the number of heights does not match `nodes`, or a height is not finite or above 1e6 m.
     pub fn new(cell: f64, nodes: [usize; 2], heights: Vec<f64>) -> Result<Self, String> {
         Self::of([cell; 2], nodes, heights, None)
     }
 
-    /// A block about the origin with heights (m) `[x][y]` at nodes `cell` (m) apart along x and along y, which goes down to `base` (m) below height 0.
+    /// A block centred at the origin, with heights (m) `[x][y]` at nodes `cell` (m) apart along x and y. Its bottom is
+    /// `base` (m) below height 0.
     ///
     /// # Errors
-    /// As [`Field::new`]; if there are not two nodes along each.
+    /// As [`Field::new`], or if an axis has fewer than two nodes.
     pub fn block(cell: [f64; 2], nodes: [usize; 2], heights: Vec<f64>, base: f64) -> Result<Self, String> {
         within("`base`", base, 1e-9..=1e6, "m")?;
         if nodes.contains(&1) {
@@ -121,7 +125,7 @@ impl Field {
         Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0, base })
     }
 
-    /// As a TOML has it. The same words give the same memory, as long as they are the last ones.
+    /// Generates the field of a TOML. Repeating the last specification returns the same memory.
     pub(crate) fn drawn(spec: &TerrainSpec) -> Result<Self, String> {
         static LAST: Mutex<Option<(TerrainSpec, Field)>> = Mutex::new(None);
         spec.check()?;
@@ -134,7 +138,7 @@ impl Field {
         let wave = TAU * (side / length).round().max(1.0) / side;
         let heights = (0..NODES * NODES).map(|k| {
             let [x, y] = [k / NODES, k % NODES].map(|i| i as f64 * cell);
-            // From the edge inward, in steps or lengths.
+            // Distance from the edge in units of `length`.
             let inward = [x, side - x, y, side - y].into_iter().fold(f64::INFINITY, f64::min) / length;
             match kind {
                 TerrainKind::Rubble => height * rng.random::<f64>(),
@@ -148,38 +152,38 @@ impl Field {
         Ok(field)
     }
 
-    /// The same with its heights multiplied by this.
+    /// The field with heights multiplied by `scale`.
     #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
         Self { scale, ..self.clone() }
     }
 
-    /// Its nodes along x and y, and how far they are apart (m).
+    /// Number of nodes along x and y, and their spacing (m).
     pub fn grid(&self) -> ([usize; 2], [f64; 2]) {
         (self.nodes, self.cell)
     }
 
-    /// Whether it goes on for ever.
+    /// Whether the field repeats.
     pub fn repeats(&self) -> bool {
         self.base.is_none()
     }
 
-    /// Its highest place (m).
+    /// Largest height (m).
     pub fn highest(&self) -> f64 {
         self.highest * self.scale
     }
 
-    /// After how far it repeats along x and y (m), if it does.
+    /// Period along x and y (m), for a field that repeats.
     pub fn period(&self) -> [f64; 2] {
         [0, 1].map(|k| self.nodes[k] as f64 * self.cell[k])
     }
 
-    /// Half its length along x and y (m), if it ends.
+    /// Half length along x and y (m), for a block.
     fn half(&self) -> [f64; 2] {
         [0, 1].map(|k| 0.5 * (self.nodes[k] - 1) as f64 * self.cell[k])
     }
 
-    /// Height (m) at (x, y), and how it rises along x and along y; beyond an edge, that of the edge.
+    /// Height (m) at (x, y), and its slope along x and y. Beyond the edge of a block, the values at the edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let ([i, p], a) = self.cell_of(0, x);
         let ([j, q], b) = self.cell_of(1, y);
@@ -189,7 +193,7 @@ impl Field {
         (low + b * (high - low), [along / self.cell[0], (high - low) / self.cell[1]])
     }
 
-    /// The nodes along an axis before and behind a place, and where between them it is. Of a place that is no number that is none, too.
+    /// Indices of the nodes on both sides of a coordinate along an axis, and the fraction between them (NaN for NaN).
     fn cell_of(&self, axis: usize, x: f64) -> ([usize; 2], f64) {
         let (u, n) = (x / self.cell[axis], self.nodes[axis]);
         if self.base.is_some() {
@@ -202,14 +206,15 @@ impl Field {
         ([i, (i + 1) % n], u - u.floor())
     }
 
-    /// Whether a place in its own axes is at least `reach` (m) from it, as far as its edges, highest place and steepest slope tell.
+    /// Whether bounds prove a point (in the field's axes) to be at least `reach` (m) away: edges, largest height,
+    /// steepest slope.
     pub(crate) fn beyond(&self, place: &Vector3<f64>, reach: f64) -> bool {
         let aside = || self.base.is_some() && self.half().iter().zip(place.iter()).any(|(half, x)| x.abs() - half >= reach);
         place.z - self.highest() >= reach * (1.0 + self.steepest * self.scale * self.scale).sqrt() || aside()
     }
 
-    /// Its distance from a place in its own axes (m), and its normal there. Of a block that of the top, the sides and the foot counts that the place is
-    /// farthest outside of, or least inside.
+    /// Distance (m) of a point in the field's axes, and the outward normal. For a block, the largest signed distance
+    /// from top, sides and bottom.
     pub(crate) fn over(&self, place: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let (height, [along, aside]) = self.at(place.x, place.y);
         let normal = Vector3::new(-along, -aside, 1.0).normalize();
@@ -225,19 +230,20 @@ impl Field {
         found
     }
 
-    /// What its heights are multiplied by.
+    /// Factor on all heights.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Cells, nodes, highest place, bound of the squared slope, depth of its foot if it ends, heights: all before scaling.
+    /// Node spacings, node counts, largest height, bound of the squared slope, depth of the bottom (0 without),
+    /// heights: all before scaling.
     pub(crate) fn numbers(&self) -> Vec<f64> {
         let ([cell, wide], [n, m]) = (self.cell, self.nodes.map(|n| n as f64));
         let head = [cell, wide, n, m, self.highest, self.steepest, self.base.unwrap_or(0.0)];
         head.into_iter().chain(self.heights.iter().copied()).collect()
     }
 
-    /// Whether both have their heights in the same memory.
+    /// Whether both fields share the memory of their heights.
     pub(crate) fn shares(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.heights, &other.heights)
     }

@@ -1,40 +1,41 @@
-//! Convex hulls of triangles, of which a place is asked how far it is.
+//! Convex hulls of triangles, with distance queries.
 
 use parry3d_f64::shape::SharedShape;
 
 use super::parry::from_parry;
 use crate::internal::*;
 
-/// Height over length of triangles that are left out.
+/// Ratio of height to length below which a triangle is left out.
 const SLIVER: f64 = 1e-4;
 
-/// A triangle of a hull.
+/// A triangular face.
 #[derive(Clone, Debug)]
 struct Face {
     corners: [Vector3<f64>; 3],
-    /// Unit normal, pointing out, and how far along it the face is (m).
+    /// Unit normal, pointing outward, and the offset of the face along it (m).
     normal: Vector3<f64>,
     offset: f64,
 }
 
-/// The triangles of a convex hull.
+/// The faces of a convex hull.
 #[derive(Clone, Debug)]
 pub struct Hull(Arc<[Face]>);
 
 impl Hull {
-    /// Of a shape that is one.
+    /// The hull of a parry shape, if the shape is a convex polyhedron.
     pub(crate) fn of(shape: &SharedShape) -> Option<Self> {
         let (vertices, faces) = shape.as_convex_polyhedron()?.to_trimesh();
         let face = |face: &[u32; 3]| {
             let corners @ [a, b, c] = face.map(|k| from_parry(&vertices[k as usize]));
-            // Of a sliver the normal is rounding, and its neighbours are as near.
+            // The normal of a sliver is rounding noise, and its neighbours are as near.
             let normal = (b - a).cross(&(c - a)).try_normalize(SLIVER * (b - a).norm_squared().max((c - a).norm_squared()))?;
             Some(Face { corners, normal, offset: normal.dot(&a) })
         };
         Some(Self(faces.iter().filter_map(face).collect()))
     }
 
-    /// The face whose plane a place is farthest over, and by how much (m): no place of the hull is nearer.
+    /// Largest signed distance (m) of `x` from the face planes, and its face. This is a lower bound of the distance
+    /// from the hull.
     fn highest(&self, x: &Vector3<f64>) -> (f64, usize) {
         let high = |best: (f64, usize), (k, face): (usize, &Face)| {
             let high = face.normal.dot(x) - face.offset;
@@ -43,12 +44,12 @@ impl Hull {
         self.0.iter().enumerate().fold((f64::NEG_INFINITY, 0), high)
     }
 
-    /// Whether no place of it is nearer than `reach` (m).
+    /// Whether a lower bound proves the hull to be at least `reach` (m) from `x`.
     pub(crate) fn beyond(&self, x: &Vector3<f64>, reach: f64) -> bool {
         self.highest(x).0 >= reach
     }
 
-    /// The nearest place of the surface, and whether `x` is inside.
+    /// Nearest surface point, and whether `x` is inside.
     pub(crate) fn nearest(&self, x: &Vector3<f64>) -> (Vector3<f64>, bool) {
         let (high, k) = self.highest(x);
         let Some(face) = self.0.get(k) else { return (*x, false) };
@@ -56,7 +57,7 @@ impl Hull {
             return (x - face.normal * high, true);
         }
         let (mut place, mut least) = face.nearest(x, high);
-        // Of a triangle that is seen the plane is no farther than the triangle.
+        // A visible face's plane is at most as far as the face, so farther planes can be skipped.
         if least > high * high * (1.0 + 1e-12) {
             for face in self.0.iter() {
                 let high = face.normal.dot(x) - face.offset;
@@ -69,21 +70,22 @@ impl Hull {
         (place, false)
     }
 
-    /// How many triangles it has, then of each its corners about `middle` (m) and its normal.
+    /// Number of faces, then for each face its corners relative to `middle` (m) and its normal.
     pub(crate) fn numbers(&self, middle: &Vector3<f64>) -> Vec<f64> {
         let face = |face: &Face| face.corners.map(|corner| corner - middle).into_iter().chain([face.normal]).collect::<Vec<_>>();
         let all = self.0.iter().flat_map(face).flat_map(|v| [v.x, v.y, v.z]);
         std::iter::once(self.0.len() as f64).chain(all).collect()
     }
 
-    /// Whether two are one in memory.
+    /// Whether both share the same memory.
     pub(crate) fn shares(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
 }
 
 impl Face {
-    /// The nearest place to what is so high over its plane, and the square of the distance: straight below, or on an edge beyond which that is.
+    /// Nearest point of the face to `x` at height `high` above its plane, and the squared distance. The projection, or
+    /// a point on an edge if the projection lies beyond it.
     fn nearest(&self, x: &Vector3<f64>, high: f64) -> (Vector3<f64>, f64) {
         let foot = x - self.normal * high;
         let mut best = None::<(Vector3<f64>, f64)>;
@@ -106,7 +108,8 @@ mod tests {
     use super::*;
     use crate::scene::to_parry;
 
-    /// A hull of a box's corners answers as the box does, inside, over faces, edges and corners, and a plane between says no more than that.
+    /// The hull of a box's corners gives the same distances as the box inside and outside, and `beyond` never
+    /// overestimates.
     #[test]
     fn the_hull_of_a_box_is_the_box() {
         let half = [0.3, 0.2, 0.1];

@@ -1,4 +1,4 @@
-//! Everything that is not the robot: gravity and static colliders.
+//! Scenes: gravity and static colliders, everything that is not the robot.
 
 mod collider;
 mod field;
@@ -14,9 +14,9 @@ use crate::internal::*;
 pub use collider::{Collider, Plane};
 pub use field::{Field, TerrainKind, TerrainSpec};
 pub use hull::Hull;
+pub(crate) use parry::to_parry;
 #[cfg(feature = "rapier")]
-pub(crate) use parry::pose_from_parry;
-pub(crate) use parry::{from_parry, pose_to_parry, to_parry};
+pub(crate) use parry::{from_parry, pose_from_parry, pose_to_parry};
 pub(crate) use spec::is_zero;
 pub use spec::{BoxSpec, Material, PegSpec, PlaneSpec, SceneSpec};
 pub use surfaces::{Meeting, PairLaw, Softness, SurfaceGeom, Surfaces};
@@ -26,7 +26,7 @@ pub(crate) use worlds::{described, flat, peg};
 /// Default gravity (m/s^2).
 pub const GRAVITY: f64 = 9.81;
 
-/// Thickness (m) of what covers a surface, beyond rounding.
+/// Least depth (m) inside another collider for a surface point to count as covered.
 const SKIN: f64 = 1e-6;
 
 /// Gravity and static colliders.
@@ -41,18 +41,18 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Nothing but gravity.
+    /// Empty space with gravity.
     pub fn free(gravity: Vector3<f64>) -> Self {
         Self { name: "free".into(), gravity, colliders: Vec::new() }
     }
 
-    /// The nearest collider's event for the world point `p0`.
+    /// Contact event of the nearest collider for the world point `p0`.
     #[inline]
     pub fn contact(&self, p0: &Vector3<f64>) -> ContactEvent {
         self.nearest(p0, 0.0, |_| true, |body| body.query(p0))
     }
 
-    /// The nearest collider's event for a contact point of a robot whose kinematics are in `data`.
+    /// Contact event of the nearest collider for a contact point of a robot; `data` has the kinematics.
     #[inline]
     pub fn meets(&self, point: &ContactPoint, data: &Data, surfaces: &Surfaces) -> ContactEvent {
         let middle = point_position(data, point.link, &point.local);
@@ -64,7 +64,7 @@ impl Scene {
         )
     }
 
-    /// `middle` is at most `reach` (m) from where the query is made.
+    /// `middle` is the contact point's centre, at most `reach` (m) from the queried position.
     #[inline(always)]
     fn nearest(
         &self,
@@ -86,37 +86,20 @@ impl Scene {
         best
     }
 
-    /// Every event that acts on a point at `p0`, of the colliders nearer than `reach` (m), onto `events`.
+    /// Appends to `events` the contact events of a contact point with all colliders nearer than `reach` (m); `data` has
+    /// the kinematics.
     ///
-    /// Where colliders overlap or lie side by side the surface is that of their union: a place of a surface that a nearer
-    /// collider covers is no surface, and its event is left out. But a point inside several colliders is pushed out of each.
-    pub fn contacts_at(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
-        self.gather(p0, [reach; 2], |_| true, |body| body.query(p0), events);
-    }
-
-    /// The same for a contact point of a robot whose kinematics are in `data`.
+    /// Colliders that overlap or adjoin act as their union: a nearest surface point covered by a nearer collider is
+    /// left out. A point inside several colliders is pushed out of each.
     pub fn meetings(&self, point: &ContactPoint, data: &Data, reach: f64, surfaces: &Surfaces, events: &mut Vec<ContactEvent>) {
         let middle = point_position(data, point.link, &point.local);
-        let meet = |body: &Collider| surfaces.meeting(point, body).is_some();
-        self.gather(&middle, [reach, reach + point.reach()], meet, |body| body.meets(point, data, &middle, reach), events);
-    }
-
-    #[inline(always)]
-    fn gather(
-        &self,
-        middle: &Vector3<f64>,
-        [reach, wide]: [f64; 2],
-        meet: impl Fn(&Collider) -> bool,
-        query: impl Fn(&Collider) -> ContactEvent,
-        events: &mut Vec<ContactEvent>,
-    ) {
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {
-            if body.beyond(middle, wide) || !meet(body) {
+            if body.beyond(&middle, reach + point.reach()) || surfaces.meeting(point, body).is_none() {
                 continue;
             }
-            let event = query(body);
-            // NaNs are found, too, so that they can be reported.
+            let event = body.meets(point, data, &middle, reach);
+            // Keep NaN distances, so that solvers can report them.
             if event.distance < reach || event.distance.is_nan() {
                 events.push(ContactEvent { collider, ..event });
             }
@@ -133,13 +116,13 @@ impl Scene {
         events.drain(first..found);
     }
 
-    /// Whether the nearest place of a collider that `p0` is outside of is covered by a nearer one of `others`.
+    /// Whether a nearer collider covers the nearest surface point of an event with `p0` outside.
     fn covered(&self, event: &ContactEvent, others: &[ContactEvent]) -> bool {
         let nearer = |o: &&ContactEvent| (o.distance, o.collider) < (event.distance, event.collider);
         event.distance > 0.0 && others.iter().filter(nearer).any(|o| self.colliders[o.collider].query(&event.p1).distance < SKIN)
     }
 
-    /// Says what is not finite or out of its range, if anything is. Solvers ask before they step.
+    /// Refuses values that are not finite or out of range. Solvers call this before they step.
     pub fn check(&self) -> Result<(), String> {
         if !self.gravity.iter().all(|g| g.is_finite()) {
             return Err(format!("scene `{}`: gravity {:?} is not finite (m/s^2)", self.name, self.gravity.as_slice()));
@@ -149,27 +132,27 @@ impl Scene {
     }
 }
 
-/// The up direction: against gravity, z where there is none.
-pub(crate) fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
+/// The up direction: opposite to gravity, z without gravity.
+pub fn up(gravity: &Vector3<f64>) -> Vector3<f64> {
     -gravity.try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
 }
 
-/// Where the middles of a robot's contact points are at a state (m, world).
-pub(crate) fn points(robot: &Robot, state: &[f64]) -> Vec<Vector3<f64>> {
+/// Centres of a robot's contact points at a state (m, world).
+pub fn points(robot: &Robot, state: &[f64]) -> Vec<Vector3<f64>> {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
     robot.contact_points.iter().map(|point| point_position(&data, point.link, &point.local)).collect()
 }
 
-/// Where a contact point is (m, world) when it faces a surface of unit `normal`; `data` has the kinematics.
+/// Position (m, world) of a contact point against a plane surface with unit `normal`; `data` has the kinematics.
 pub fn place(point: &ContactPoint, data: &Data, normal: &Vector3<f64>) -> Vector3<f64> {
     point_position(data, point.link, &point.facing(&data.rotation[point.link], normal))
 }
 
-/// The height (m) along unit `up` of the lowest place of a contact point's surface; `data` has the kinematics.
+/// Height (m) along unit `up` of the lowest point of a contact point's surface; `data` has the kinematics.
 pub fn foot(point: &ContactPoint, data: &Data, up: &Vector3<f64>) -> f64 {
     up.dot(&place(point, data, up)) - point.radius
 }
 
-/// The scene of a robot's own file.
+/// Name of the scene from a robot's own file.
 pub const GROUND: &str = "ground";

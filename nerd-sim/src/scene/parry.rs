@@ -1,4 +1,4 @@
-//! Places and poses in parry's types.
+//! Converts points and poses to and from parry's types.
 
 use nalgebra::Quaternion;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};

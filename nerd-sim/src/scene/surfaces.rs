@@ -1,24 +1,24 @@
-//! How the geoms of a robot's file touch: which of them meet, and with what friction, margin and softness.
+//! Contact laws between the geoms of a robot's file: which pairs collide, with what friction, margin and softness.
 
 use crate::internal::*;
 
-/// Geoms of one body that may touch something and have the same contact properties.
+/// Geoms of a body that may collide and have equal contact parameters.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SurfaceGeom {
     /// Name of the body.
     pub body: String,
-    /// Their places among the geoms of the body, in the order of the file, and their names, which may be empty.
+    /// Index of each geom among the body's geoms, in file order, and its name, which may be empty.
     pub geoms: Vec<(usize, String)>,
-    /// Whether they stand in the world.
+    /// Whether the body is static.
     pub still: bool,
 }
 
-/// Softness of a contact as MuJoCo has it.
+/// Softness of a contact in MuJoCo's parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Softness {
-    /// Time constant (s) and damping ratio; or, below zero, stiffness (1/s^2) and damping (1/s).
+    /// Time constant (s) and damping ratio; if negative, stiffness (1/s^2) and damping (1/s).
     pub solref: [f64; 2],
-    /// Impedance where the surfaces meet and at the width, that width (m), midpoint, power.
+    /// Impedance at first contact and at the width, width (m), midpoint, power.
     pub solimp: [f64; 5],
 }
 
@@ -28,63 +28,64 @@ impl Default for Softness {
     }
 }
 
-/// How two geoms touch.
+/// Contact law of a pair of geoms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairLaw {
-    /// Dimension of the contact: 1 without friction, 3 with sliding, 4 with torsional, 6 with rolling friction, too.
+    /// Contact dimension: 1 without friction, 3 with sliding, 4 with torsional, 6 with rolling friction.
     pub condim: i64,
     /// Coefficient of sliding friction.
     pub friction: f64,
-    /// Torsional friction (m): largest torque about the normal over the normal force.
+    /// Torsional friction (m): ratio of the largest torque about the normal to the normal force.
     pub torsion: f64,
-    /// Rolling friction (m): largest torque across the normal over the normal force.
+    /// Rolling friction (m): ratio of the largest torque across the normal to the normal force.
     pub rolling: f64,
-    /// Distance (m) at which the force begins.
+    /// Contact margin (m): the force begins at this distance.
     pub margin: f64,
-    /// Softness in the file.
+    /// Softness from the file.
     pub softness: Softness,
-    /// Stiffness and damping over those of the robot's material, which follow from that.
+    /// Stiffness and damping relative to the robot's material, derived from `softness`.
     pub factors: [f64; 2],
-    /// Time (s) in which a point inside comes out: MuJoCo damps both ways alike.
+    /// Time constant (s) of resolving a penetration. It gives equal damping in both directions, as in MuJoCo.
     pub release: f64,
 }
 
 impl PairLaw {
-    /// All that its motion depends on.
+    /// The parameters that the motion depends on.
     pub(crate) fn numbers(&self) -> [f64; 6] {
         [self.friction, self.torsion, self.rolling, self.margin, self.factors[0], self.factors[1]]
     }
 }
 
-/// How a contact point meets a collider.
+/// Contact law of a contact point and a collider.
 #[derive(Clone, Copy, Debug)]
 pub enum Meeting<'a> {
-    /// By the materials of robot and collider.
+    /// Mean material of robot and collider.
     Plain,
-    /// As the file says.
+    /// The law from the file.
     Law(&'a PairLaw),
 }
 
-/// The geoms of a robot's file by number, and how they touch.
+/// Contact laws between the geoms of a robot's file, by surface number.
 #[derive(Clone, Debug, Default)]
 pub struct Surfaces {
-    /// Geoms that may touch something.
+    /// Geoms that may collide, by surface number.
     pub geoms: Vec<SurfaceGeom>,
     laws: Vec<PairLaw>,
-    /// By two numbers, place among the laws plus one; 0 of geoms that never meet.
+    /// For a pair of surface numbers: index into `laws` plus one; 0 for geoms that never collide.
     index: Vec<u32>,
-    /// By number, how a geom touches a scene that the file does not have: as the file's ground, or else as a geom of MuJoCo's defaults.
+    /// Law of each surface against colliders from outside the file: as against the file's ground, else against a geom
+    /// with MuJoCo's defaults.
     others: Vec<Option<PairLaw>>,
-    /// Whether friction cones are elliptic.
+    /// Whether the friction cones are elliptic.
     pub elliptic: bool,
-    /// Ratio of the impedances of friction and contact.
+    /// Ratio of frictional to normal impedance.
     pub impratio: f64,
-    /// Time of MuJoCo's step (s).
+    /// Time step of MuJoCo (s).
     pub step: f64,
 }
 
 impl Surfaces {
-    /// Of geoms, of which `law` says how two touch, and `other` how one touches another scene.
+    /// `law` gives the contact law of two geoms, `other` of a geom with colliders from outside the file.
     pub(crate) fn new(
         geoms: Vec<SurfaceGeom>,
         law: impl Fn(usize, usize) -> Option<PairLaw>,
@@ -101,18 +102,18 @@ impl Surfaces {
         Self { laws, index, others: (0..n).map(other).collect(), geoms, elliptic: false, impratio: 1.0, step: 0.002 }
     }
 
-    /// Whether a file says nothing of contact.
+    /// Whether the file defines no contacts.
     pub fn is_empty(&self) -> bool {
         self.geoms.is_empty()
     }
 
-    /// How two geoms touch, none if they never do.
+    /// Contact law of two geoms; `None` if they never collide.
     pub fn between(&self, a: usize, b: usize) -> Option<&PairLaw> {
         let place = self.index[a * self.geoms.len() + b] as usize;
         place.checked_sub(1).map(|place| &self.laws[place])
     }
 
-    /// How a contact point meets a collider; none if it never does.
+    /// Contact law of a contact point and a collider; `None` if they never collide.
     #[inline]
     pub fn meeting(&self, point: &ContactPoint, collider: &Collider) -> Option<Meeting<'_>> {
         let Some(own) = point.surface.filter(|own| *own < self.geoms.len()) else { return Some(Meeting::Plain) };
@@ -123,24 +124,24 @@ impl Surfaces {
         law.map(Meeting::Law)
     }
 
-    /// How a geom touches the ground and what stands in its file's world.
+    /// Parameters of a surface against each static geom of its file, then against colliders from outside the file.
     pub(crate) fn row(&self, number: usize) -> Vec<Option<[f64; 6]>> {
         let still = (0..self.geoms.len()).filter(|k| self.geoms[*k].still);
         let laws = still.map(|k| self.between(number, k)).chain([self.others[number].as_ref()]);
         laws.map(|law| law.map(PairLaw::numbers)).collect()
     }
 
-    /// How a geom touches a scene that the file does not have.
+    /// Contact law of a surface against colliders from outside the file.
     pub fn other(&self, number: usize) -> Option<&PairLaw> {
         self.others[number].as_ref()
     }
 
-    /// Largest margin of a contact with a scene (m).
+    /// Largest margin of all laws (m).
     pub fn margin(&self) -> f64 {
         self.all().map(|law| law.margin).fold(0.0, f64::max)
     }
 
-    /// Whether a contact has torsional or rolling friction.
+    /// Whether any law has torsional or rolling friction.
     pub fn turns(&self) -> bool {
         self.all().any(|law| law.torsion > 0.0 || law.rolling > 0.0)
     }
@@ -149,7 +150,8 @@ impl Surfaces {
         self.laws.iter().chain(self.others.iter().flatten())
     }
 
-    /// Changes every law, given the numbers of its two geoms; of one with another scene the second is none.
+    /// Calls `change` for every law, with the surface numbers of its two geoms; the second is `None` for colliders from
+    /// outside the file.
     pub(crate) fn each(&mut self, mut change: impl FnMut(usize, Option<usize>, &mut PairLaw)) {
         let n = self.geoms.len();
         for (a, b) in (0..n).flat_map(|b| (0..b).map(move |a| (a, b))) {
@@ -160,7 +162,7 @@ impl Surfaces {
         self.others.iter_mut().enumerate().for_each(|(a, law)| law.iter_mut().for_each(|law| change(a, None, law)));
     }
 
-    /// The median friction of its geoms with the ground.
+    /// Median friction coefficient of the geoms against the ground.
     pub fn usual_friction(&self) -> Option<f64> {
         let mut all: Vec<f64> = self.others.iter().flatten().map(|law| law.friction).collect();
         all.sort_by(f64::total_cmp);
@@ -169,18 +171,18 @@ impl Surfaces {
 }
 
 impl Material {
-    /// As a pair of geoms has it; `one` is the friction of all contacts, where it was set.
+    /// Material of a contact under `law`; `one`, if set, is the friction coefficient of all contacts with friction.
     pub(crate) fn by(&self, law: &PairLaw, collider: &Collider, one: Option<f64>) -> Self {
         let friction = match one.filter(|_| law.condim > 1) {
             Some(one) => one,
-            // A scene with a material of its own.
+            // The scene sets its own material.
             None if collider.stated && law.condim > 1 => 0.5 * (collider.material.friction + law.friction),
             None => law.friction,
         };
         self.pair(law, friction)
     }
 
-    /// The same with a friction.
+    /// Material of a contact under `law`, with the given friction coefficient.
     pub(crate) fn pair(&self, law: &PairLaw, friction: f64) -> Self {
         Self {
             stiffness: self.stiffness * law.factors[0],

@@ -1,21 +1,21 @@
-//! Robots on ground that is not flat: how high it is around them, and where they begin on it.
+//! Uneven ground around robots: its height, and start positions on it.
 
 use crate::{internal::*, scene::foot, scene::place};
 
 use super::{Collider, Field};
 
 impl Scene {
-    /// The ground, if it is not flat and goes on for ever.
+    /// The uneven ground that repeats, if the scene has one.
     pub fn terrain(&self) -> Option<(&Collider, &Field)> {
         self.colliders.iter().find_map(|body| Some((body, body.field.as_ref().filter(|field| field.repeats())?)))
     }
 
-    /// Whether anything in it is not flat.
+    /// Whether the scene has any height field.
     pub fn uneven(&self) -> bool {
         self.colliders.iter().any(|body| body.field.is_some())
     }
 
-    /// The same with the heights of its ground multiplied by this.
+    /// The scene with the heights of its repeating ground multiplied by `scale`.
     #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
         let mut own = self.clone();
@@ -24,7 +24,8 @@ impl Scene {
         own
     }
 
-    /// Height (m, along the up axis) of ground that is not flat, so far (m) ahead of the free root of a state and to its left, as it heads.
+    /// Height (m, along the up axis) of repeating uneven ground. The point is `ahead` and `aside` (m, left) of a free
+    /// root along its heading.
     pub fn ground(&self, state: &[f64], [ahead, aside]: [f64; 2]) -> Option<f64> {
         let (body, field) = self.terrain()?;
         let at = body.inside(&vector(&state[..3]));
@@ -35,15 +36,15 @@ impl Scene {
         Some(body.up().dot(&body.pose.translation.vector) + height)
     }
 
-    /// Puts the start of a free root somewhere on ground that is not flat, its lowest place as far above that as it was above height 0. Flat
-    /// ground draws nothing.
+    /// Moves the start of a free root to a random position on uneven ground; its lowest point keeps its height above
+    /// the ground. On flat ground nothing changes and nothing is drawn.
     pub fn strew(&self, robot: &Robot, data: &mut Data, state: &mut [f64], rng: &mut impl Rng) {
         let Some((body, field)) = self.terrain().filter(|_| robot.floating()) else { return };
         let (up, nq, [wide, deep]) = (body.up(), robot.nq(), field.period());
         let mut shift = |by: Vector3<f64>, state: &mut [f64]| {
             let turning = by.cross(&vector(&state[nq..nq + 3]));
             (0..3).for_each(|k| state[k] += by[k]);
-            // Its velocity is about the world's origin.
+            // The root's twist is about the world origin, so the linear part changes with position.
             (0..3).for_each(|k| state[nq + 3 + k] += turning[k]);
             kinematics(robot, state, data);
             let over = |point: &ContactPoint| {

@@ -1,7 +1,7 @@
 //! Scenes that every robot with contact points has besides its own: a plane, a slope, a box, steps, hills.
 //!
-//! Laid out with x and y on the ground and z against gravity, then turned so that z is the robot's up axis. Nothing rises
-//! above the ground within 0.4 m of the origin, so a robot that starts clear of a plane starts clear here, too.
+//! They are laid out with z up, then rotated so that z is the robot's up axis. Nothing rises above the ground within
+//! 0.4 m of the origin. A start clear of a plane is therefore clear in every scene.
 
 use std::sync::LazyLock;
 
@@ -12,22 +12,23 @@ use super::spec::{PegSpec, PlaneSpec, SceneSpec};
 use super::{Field, up};
 use crate::internal::*;
 
-/// Their names.
+/// Names of these scenes.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
 
-/// Slope of `slope` (rad): 10 degrees, rising along x, through the origin.
+/// Inclination of `slope` (rad): 10 degrees, rising along x, through the origin.
 const SLOPE: f64 = 0.174_532_925_199_432_95;
-/// Box of `box`: half edges and centre (m), on a plane.
+/// Box of `box` on a plane: half edges and centre (m).
 const BOX: [[f64; 3]; 2] = [[0.3, 0.5, 0.1], [0.75, 0.0, 0.1]];
-/// Steps of `steps`: number, rise, tread, width (m); the first one's edge stands at x = 0.4 m.
+/// Steps of `steps`: number, rise, tread, width (m). The first step begins at x = 0.4 m.
 const STEPS: (usize, f64, f64, f64) = (6, 0.08, 0.4, 4.0);
-/// Hills of `hills`: half side (m), cells a side, depth of the deepest valley (m); beyond them lies a plane that deep.
+/// Hills of `hills`: half side (m), cells per side, depth of the deepest valley (m). Beyond them lies a plane at that
+/// depth.
 const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
 
-/// The mesh of `hills`, made once and shared by every scene.
+/// The mesh of `hills`, made once and shared by all scenes.
 static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
 
-/// A scene that a robot's TOML describes; `material` where it names none.
+/// A scene from a robot's TOML; `material` is used if the scene has none.
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Result<Scene, String> {
     let (upright, stated, material) = (upright(gravity), spec.material.is_some(), spec.material.unwrap_or(material));
     let ground = match &spec.terrain {
@@ -38,15 +39,15 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
         None => Collider::plane(flat(gravity, &spec.plane), material),
     };
     let boxes = spec.boxes.iter().map(|b| {
-        let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn));
-        Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.at).into(), upright * turn), material)
+        let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.yaw));
+        Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.position).into(), upright * turn), material)
     });
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
     let colliders = std::iter::once(ground).chain(boxes).chain(pegs).map(|collider| Collider { stated, ..collider }).collect();
     Ok(Scene { name: spec.name.clone(), gravity: *gravity, colliders })
 }
 
-/// The horizontal plane turned by extrinsic x-y-z angles.
+/// The horizontal plane rotated by extrinsic x-y-z angles.
 pub(crate) fn flat(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneSpec) -> Plane {
     let up = up(gravity);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angles[2])
@@ -59,18 +60,17 @@ pub(crate) fn flat(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneS
 pub(crate) fn peg(spec: &PegSpec, gravity: &Vector3<f64>, material: Material) -> Collider {
     // Parry's cylinders lie along y.
     let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-    let middle = Vector3::from(spec.at) + up(gravity) * (0.5 * spec.height);
+    let middle = Vector3::from(spec.position) + up(gravity) * (0.5 * spec.height);
     let pose = Isometry3::from_parts(middle.into(), upright(gravity) * standing);
     Collider::new(SharedShape::cylinder(0.5 * spec.height, spec.radius), pose, material)
 }
 
-/// Turns z into the up direction.
+/// Rotation from z to the up direction.
 fn upright(gravity: &Vector3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::rotation_between(&Vector3::z(), &up(gravity))
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI))
+    rotation_from(&Vector3::z_axis(), &up(gravity))
 }
 
-/// One of [`WORLDS`] under `gravity`, all of one material.
+/// A scene of [`WORLDS`] under `gravity`, with one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
     let turn = upright(gravity);
     let level = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
@@ -85,7 +85,7 @@ pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<S
         "box" => vec![ground, cuboid(BOX[0], BOX[1])],
         "steps" => {
             let (count, rise, tread, width) = STEPS;
-            // Each is a box from the ground up that reaches to the end of the last one.
+            // Each step is a box on the ground that extends to the end of the last step.
             let step = |k: usize| {
                 let (from, to, height) = (0.4 + tread * k as f64, 0.4 + tread * count as f64, rise * (k + 1) as f64);
                 cuboid([0.5 * (to - from), 0.5 * width, 0.5 * height], [0.5 * (from + to), 0.0, 0.5 * height])
@@ -101,14 +101,14 @@ pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<S
     Some(Scene { name: name.into(), gravity: *gravity, colliders })
 }
 
-/// Height of the hills (m) above (x, y), at most 0 and at least the negative depth: a sum of waves, the same for ever.
+/// Height (m) of the hills above (x, y), between the negative depth and 0: a fixed sum of waves.
 pub fn hill(x: f64, y: f64) -> f64 {
     let wave = |a: f64, b: f64, c: f64| 0.5 * (a * x + b * y + c).sin();
     let sum = wave(1.3, 0.4, 1.1) * wave(-0.3, 1.1, 0.2) * 2.0 + 0.7 * wave(2.1, -1.7, 2.0) + 0.3 * wave(3.7, 3.1, 0.5);
     HILLS.2 * (sum - 1.0).clamp(-2.0, 0.0) / 2.0
 }
 
-/// The hills as a mesh whose inside is below: a height field has none, so a point under it would be lost.
+/// The hills as an oriented mesh, solid below: a parry height field has no inside, so a point below it would be lost.
 fn hills() -> Option<TriMesh> {
     let (half, cells, _) = HILLS;
     let at = |k: usize| -half + 2.0 * half * k as f64 / cells as f64;

@@ -1,24 +1,24 @@
-//! The beginning and end of a frame in every solver: checks inputs, takes over new states.
+//! Start and end of a frame in every solver: checks inputs, commits new states.
 
 use nerd_core::state::wrap_state;
 
 use super::refusal::Fault;
 use crate::prelude::*;
 
-/// Refuses a batch or torques of the wrong length, and a batch that needs more than [`Capabilities::default`]. Finds environments whose
-/// state or torque is not finite, or whose scene is invalid.
+/// Refuses a batch or torques of the wrong length, and a batch that needs more than [`Capabilities::default`]. Adds a
+/// fault for every environment with a non-finite state or torque, or an invalid scene.
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities::default().admit(batch)?;
     sound(batch, torques, faults)
 }
 
-/// The same as [`check`] for a solver that supports a robot per environment, motors included.
+/// As [`check`], for a solver that supports a robot per environment, with its actuators and sensors.
 pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities { systems: true, ..Capabilities::default() }.admit(batch)?;
     numbers(batch, torques, faults)
 }
 
-/// The same as [`check`], with drives and a robot per environment allowed and checked.
+/// As [`check`], with drives and a robot per environment allowed.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
         let text =
@@ -28,7 +28,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
     numbers(batch, torques, faults)
 }
 
-/// The same without the check of capabilities.
+/// As [`check`], without capabilities and actuator models.
 pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
@@ -68,14 +68,14 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
     Ok(())
 }
 
-/// Ends a frame of a solver without contact forces: takes over the states `next` of every environment without a fault, wraps angles, counts
-/// the frame. A state that is not finite is a fault, too; [`StepError::Environments`] lists all faults.
+/// Ends a frame of a solver without contact forces: copies the states `next` of every environment without a fault,
+/// wraps angles, counts the frame. A non-finite state is a fault. [`StepError::Environments`] returns all faults.
 pub fn commit(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.forces.clear();
     finish(batch, next, faults)
 }
 
-/// The same for a solver that has set the batch's contact forces.
+/// As [`commit`], for a solver that has set the batch's contact forces.
 pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
@@ -89,7 +89,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
-    // Into the batch's own memory, to which others may hold a pointer (nerd-py's arrays).
+    // Copy in place: others may hold a pointer to this memory (nerd-py's arrays).
     batch.states.copy_from_slice(next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
     if faults.is_empty() {
@@ -100,14 +100,14 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     Err(StepError::Environments(std::mem::take(faults)))
 }
 
-/// Adds a fault of an environment, unless it has one already.
+/// Adds a fault of an environment, unless it already has one.
 fn add(faults: &mut Vec<Fault>, batch: &Batch, env: usize, reason: String) {
     if faults.iter().all(|f| f.env != env) {
         faults.push(Fault { env, frame: batch.frames[env], reason });
     }
 }
 
-/// Names the first number of a state, or of its first part, that is not finite.
+/// Describes the first non-finite number of a state (or of a prefix of a state).
 pub(crate) fn gone(system: &System, state: &[f64]) -> Option<String> {
     let column = state.iter().position(|x| !x.is_finite())?;
     Some(format!("`{}` is {}; the state before it is the last good one", system.spec.state_columns[column], state[column]))

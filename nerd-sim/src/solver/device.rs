@@ -1,4 +1,4 @@
-//! Batches that stay in a GPU's memory.
+//! Batches resident in GPU memory.
 
 use nerd_cuda::{Buffer, Device, DeviceError};
 
@@ -9,77 +9,79 @@ pub fn failed(error: DeviceError) -> StepError {
     StepError::Solver(error.to_string())
 }
 
-/// A solver whose batch stays on a GPU, where other code works on it, too.
+/// A solver with a batch resident on a GPU, which other kernels also access.
 pub trait Resident {
-    /// Uploads a batch; refuses one without kernels. The host's copy becomes stale from here on.
+    /// Uploads a batch; refuses a batch that has no kernels. The host's copy is stale afterwards.
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError>;
 
-    /// The device, and the batch held there.
+    /// The device, and the resident batch.
     fn held(&self) -> Option<(&Device, &Held)>;
 
-    /// Device address of the counters (32 bits) of frames in memory, by environment; 0 for a solver without memory.
+    /// Device address of the number of frames in memory (32 bits) of each environment; 0 for a solver without memory.
     fn memory(&self) -> u64;
 
-    /// One frame of the held batch, on the device's main stream. Environments whose fault is not 0 may stay as they are.
+    /// Steps one frame of the resident batch on the device's main stream. Environments with a nonzero fault may stay
+    /// unchanged.
     fn frame(&self) -> Result<(), DeviceError>;
 
-    /// Allocates memory for gradients over `frames` frames of the held batch; refuses a solver without gradients.
+    /// Allocates memory for gradients over `frames` frames of the resident batch; refuses a solver without gradients.
     fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError>;
 
-    /// Prepares gradients over these frames, on the device's main stream, for as many frames as there is room for.
+    /// Prepares gradients over these frames on the device's main stream, as far as memory was allocated.
     fn recall(&self, trail: Trail) -> Result<(), DeviceError>;
 
-    /// Vector-Jacobian product of one of them.
+    /// Vector-Jacobian product of a frame of `trail`.
     fn back(&self, trail: Trail, back: Back) -> Result<(), DeviceError>;
 }
 
-/// Consecutive frames on a device: addresses of the states before them and of the torques in them, `[frame][env]`.
+/// Consecutive frames on a device: addresses of the states before each frame and of its torques, `[frame][env]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trail {
-    /// `[q, qd]`, f64.
+    /// Address of states `[q, qd]`, f64.
     pub states: u64,
-    /// f64.
+    /// Address of torques, f64.
     pub torques: u64,
-    /// Frames.
+    /// Number of frames.
     pub frames: usize,
 }
 
-/// A vector-Jacobian product of one frame of a [`Trail`]: addresses of gradients `[env][row]`, f64.
+/// A vector-Jacobian product of a frame of a [`Trail`]: addresses of gradients `[env][row]`, f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Back {
-    /// Which frame.
+    /// Index of the frame.
     pub frame: usize,
-    /// Gradients (rows) of each environment.
+    /// Gradients (rows) per environment.
     pub rows: usize,
-    /// Input: with respect to the next states, in their tangent space.
-    pub by_next: u64,
-    /// Output: with respect to states; may be the same memory. Zeros where an environment's frame fails.
+    /// Input: gradients with respect to the next states, in their tangent space.
+    pub grad_next: u64,
+    /// Output: gradients with respect to the states; may be the memory of `grad_next`. Zero where an environment's frame
+    /// fails.
     pub by_states: u64,
-    /// Output: with respect to torques.
+    /// Output: gradients with respect to torques.
     pub by_torques: u64,
-    /// Output: the next states, and faults as i32; or 0.
+    /// Output: the next states, and faults as i32; 0 to skip.
     pub next: [u64; 2],
 }
 
-/// Memory for the environments of a batch, and the scenes on the device.
+/// Device memory for the environments of a batch and their scenes.
 pub struct Held {
-    /// Environments.
+    /// Number of environments.
     pub n: usize,
-    /// Joints of each.
+    /// Joints per environment.
     pub joints: usize,
-    /// `[env][q, qd]`.
+    /// States `[env][q, qd]`.
     pub states: Buffer<f64>,
-    /// Five numbers a joint, where there are drives.
+    /// Drives, five numbers per joint; empty without drives.
     pub drives: Buffer<f64>,
-    /// Torques of each environment, or `[frame]` of them.
+    /// Torques `[env][joint]`, or `[frame][env][joint]`.
     pub torques: Buffer<f64>,
-    /// Scenes, one after the other, each with its robot's own parameters; `scene_of` maps environments to them.
+    /// Scenes one after the other, each with the parameters of its robot; `scene_of` maps environments to scenes.
     pub records: Buffer<f64>,
-    /// See `records`.
+    /// Scene of each environment, see `records`.
     pub scene_of: Buffer<i32>,
-    /// Fault of each environment, or 0.
+    /// Fault of each environment, 0 without.
     pub faults: Buffer<i32>,
-    /// Frames that succeeded.
+    /// Number of successful frames of each environment.
     pub done: Buffer<u32>,
     forces: Buffer<f64>,
     pub(crate) watched: bool,
@@ -88,7 +90,7 @@ pub struct Held {
 }
 
 impl Held {
-    /// Memory for a batch.
+    /// Allocates memory for a batch.
     pub fn new(device: &Device, batch: &Batch) -> Result<Self, DeviceError> {
         let (n, robot) = (batch.len(), &batch.system.robot);
         Ok(Self {
@@ -108,12 +110,12 @@ impl Held {
         })
     }
 
-    /// Address for contact forces; 0 unless requested.
+    /// Device address of contact forces; 0 unless requested.
     pub fn forces(&self) -> u64 {
         if self.watched { self.forces.ptr } else { 0 }
     }
 
-    /// Downloads states and forces after the frames; returns each environment's fault and its completed frames.
+    /// Downloads states and forces after frames. Returns each environment's fault and its number of completed frames.
     pub(crate) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
         next.resize(batch.states.len(), 0.0);
         device.read(&self.states, next)?;

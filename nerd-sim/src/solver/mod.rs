@@ -1,4 +1,4 @@
-//! The trait of solvers, which advance a batch by one frame, and the simulation that holds one.
+//! The [`Solver`] trait, which advances a batch by one frame, and the simulation that holds a solver.
 
 mod check;
 #[cfg(feature = "cuda")]
@@ -10,25 +10,26 @@ pub(crate) use check::gone;
 pub use check::{check, check_kin, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::{finish, numbers, sound};
-pub use refusal::{Capabilities, Fault, Slopes, StepError};
+pub use refusal::{Capabilities, Fault, Gradients, StepError};
 
 use crate::prelude::*;
 
-/// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
+/// Advances every environment of a batch by one frame. Solvers and [`Simulation`]s can be sent to other threads.
 pub trait Solver: Send {
-    /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame and not limited by the URDF's effort. Angles of endless
-    /// joints are returned wrapped to [-pi, pi).
+    /// Steps one frame. `torques` are `[env][joint]` (N m or N), held constant over the frame and not limited by the
+    /// URDF's effort. Angles of endless joints are returned wrapped to [-pi, pi).
     ///
     /// # Errors
-    /// [`StepError::Environments`] if some environments could not be stepped and all others were; with any other error nothing was stepped.
+    /// [`StepError::Environments`] if some environments could not be stepped; all others were. With any other error
+    /// nothing was stepped.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;
 
-    /// The solver that this one wraps, if any: methods that are not overridden go to it.
+    /// The wrapped solver, if any; methods that are not overridden delegate to it.
     fn inner(&self) -> Option<&dyn Solver> {
         None
     }
 
-    /// The same, mutable.
+    /// The wrapped solver, mutable.
     fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
         None
     }
@@ -40,50 +41,31 @@ pub trait Solver: Send {
         }
     }
 
-    /// Memory of an environment, as numbers for [`Self::recall`]; empty if its next frame does not depend on earlier ones.
-    ///
-    /// # Errors
-    /// [`StepError::Refused`] if memory cannot be read out.
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
-        self.inner().map_or(Ok(Vec::new()), |inner| inner.remembered(env))
-    }
-
-    /// Replaces the memory of an environment by numbers that [`Self::remembered`] returned for it or for another one.
-    ///
-    /// # Errors
-    /// If the numbers do not fit, or no batch with this environment has been stepped yet.
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
-        if let Some(inner) = self.inner_mut() {
-            return inner.recall(env, memory);
-        }
-        self.reset(env);
-        Ok(())
-    }
-
-    /// Its capabilities beside stepping states.
+    /// Capabilities in addition to stepping states.
     fn capabilities(&self) -> Capabilities {
         self.inner().map(|inner| inner.capabilities()).unwrap_or_default()
     }
 
-    /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, from gradients
-    /// `by_next` `[env][row][2 nv]` with respect to the next state, each in the tangent space of its own state ([`nerd_core::tangent`]).
-    /// The batch and the solver's memory are not changed.
+    /// Vector-Jacobian products of the frame that [`Self::step`] would make: `rows` for every environment. `grad_next`
+    /// `[env][row][2 nv]` are gradients with respect to the next state. Gradients with respect to a state are in its
+    /// tangent space ([`nerd_core::tangent`]). Batch and solver memory stay unchanged.
     ///
     /// # Errors
     /// [`StepError::Refused`] for a solver without gradients; else as [`Self::step`].
-    fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
-        Err(StepError::Refused("this solver has no slopes: take articulated, or a pure model whose network sees one frame".into()))
+    fn vjp(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _grad_next: &[f64]) -> Result<Gradients, StepError> {
+        Err(StepError::Refused("this solver has no gradients: take articulated, or a pure model whose network sees one frame".into()))
     }
 
-    /// The frame to first order: [`Self::back`] with the rows of an identity. `states` holds the matrix A of every environment, `[2 nv][2
-    /// nv]`, and `torques` its B, `[2 nv][joint]`. [`Slopes::forward`] multiplies them with a direction.
-    fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Slopes, StepError> {
+    /// Linearisation of the frame: [`Self::vjp`] with the rows of an identity. `states` holds the matrix A of every
+    /// environment, `[2 nv][2 nv]`, and `torques` the matrix B, `[2 nv][joint]`. [`Gradients::forward`] multiplies them by
+    /// a direction.
+    fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Gradients, StepError> {
         let size = 2 * batch.system.robot.nv();
         let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
-        self.back(batch, torques, size, &identity.repeat(batch.len()))
+        self.vjp(batch, torques, size, &identity.repeat(batch.len()))
     }
 
-    /// Itself as a solver that keeps a batch on a GPU, if it is one.
+    /// This solver as one that keeps a batch on a GPU, if it does.
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         None
@@ -117,8 +99,8 @@ impl Solver for Box<dyn Solver + '_> {
         Some(&mut **self)
     }
 
-    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        (**self).back(batch, torques, rows, by_next)
+    fn vjp(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
+        (**self).vjp(batch, torques, rows, grad_next)
     }
 
     #[cfg(feature = "cuda")]
@@ -127,52 +109,39 @@ impl Solver for Box<dyn Solver + '_> {
     }
 }
 
-/// A batch with the solver that advances it; assign `solver` to swap it mid-run.
+/// A batch with its solver; assign `solver` to swap it mid-run.
 pub struct Simulation {
     /// States and scenes.
     pub batch: Batch,
-    /// The solver that advances them.
+    /// The solver that advances the batch.
     pub solver: Box<dyn Solver>,
 }
 
 impl Simulation {
-    /// From a batch and a solver.
+    /// Combines a batch and a solver.
     pub fn new(batch: Batch, solver: impl Solver + 'static) -> Self {
         Self { batch, solver: Box::new(solver) }
     }
 
-    /// One frame; see [`Solver::step`].
+    /// Steps one frame; see [`Solver::step`].
     pub fn step(&mut self, torques: &[f64]) -> Result<(), StepError> {
         self.solver.step(&mut self.batch, torques)
     }
 
-    /// Uses torques as servo targets from here on ([`Batch::servo`]), if the robot's position law acts inside a frame and the solver has
-    /// drives; returns whether it does.
+    /// Treats torques as servo commands ([`Batch::servo`]) from now on. Returns false, without effect, unless the
+    /// robot's position law acts inside the frame and the solver has drives.
     pub fn serve(&mut self) -> bool {
         let law = self.batch.system.spec.control.is_some_and(|law| law.servo);
         self.batch.servo = law && self.batch.drives.is_empty() && self.solver.capabilities().drives;
         self.batch.servo
     }
 
-    /// Puts one environment at `state`; clears the solver's memory of it.
+    /// Sets the state of an environment and clears the solver's memory of this environment.
     ///
     /// # Panics
     /// As [`Batch::reset`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);
-    }
-
-    /// Makes environment `to` a copy of `from`, the solver's memory included: under the same torques both continue alike.
-    ///
-    /// # Errors
-    /// As [`Solver::remembered`].
-    ///
-    /// # Panics
-    /// If there is no such environment.
-    pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {
-        self.batch.fork(from, to);
-        let memory = self.solver.remembered(from)?;
-        self.solver.recall(to, &memory)
     }
 }

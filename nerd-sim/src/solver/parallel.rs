@@ -1,5 +1,5 @@
-//! The batch loop of the analytic solvers. Environments are independent and each is stepped by one thread, so results do not depend on the
-//! number of threads.
+//! The batch loop of the analytic solvers. Environments are independent, and each is stepped by one thread, so results
+//! do not depend on the number of threads.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -7,35 +7,35 @@ use nerd_core::state::wrap_state;
 use rayon::prelude::*;
 
 use super::check::{finish, gone, sound};
-use super::refusal::{Fault, Slopes};
+use super::refusal::{Fault, Gradients};
 use crate::prelude::*;
 
-/// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
+/// Working memory that advances one environment at a time by one frame; it carries nothing over to the next frame.
 pub(crate) trait Frame: Send + Sized {
     type Config: Sync;
-    /// Data computed once from a robot's numbers.
+    /// Data precomputed from a robot's parameters.
     type Prepared: Send + Sync;
-    /// Environments that one thread steps in a row.
+    /// Environments that a thread steps in sequence.
     const CHUNK: usize;
-    /// Whether it supports drives inside its frame, and reports forces.
+    /// Whether it supports drives inside the frame, and reports contact forces.
     const DRIVEN: bool = false;
 
-    /// Prepares for a system; `Err` says why it cannot be simulated.
+    /// Precomputes the data of a system; the error says why it cannot be simulated.
     fn prepare(system: &System) -> Result<Arc<Self::Prepared>, String>;
 
-    /// Memory for a system, and for all that differ from it in numbers alone.
+    /// Memory for a system, and for all systems that differ only in parameters.
     fn new(system: &System, prepared: Arc<Self::Prepared>) -> Self;
 
-    /// Switches to the prepared data of the system to be stepped next.
+    /// Switches to the precomputed data of the next system.
     fn turn_to(&mut self, prepared: &Arc<Self::Prepared>);
 
-    /// Advances `state` under joint torques `tau`; an `Err` gives the reason of a failure.
+    /// Advances `state` under joint torques `tau`; the error is the reason of a failure.
     fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
 
-    /// Sets the drives of the environment to be stepped next, and whether its torques are servo targets.
+    /// Sets the drives of the next environment, and whether its torques are servo commands.
     fn drive(&mut self, _drives: &[Drive], _servo: bool) {}
 
-    /// Mean force (N) on each contact point in the last frame, world axes.
+    /// Mean force (N) on each contact point over the last frame, world axes.
     fn forces(&self) -> &[Vector3<f64>] {
         &[]
     }
@@ -43,8 +43,8 @@ pub(crate) trait Frame: Send + Sized {
 
 /// A frame with a vector-Jacobian product.
 pub(crate) trait Back: Frame {
-    /// Steps as [`Frame::step`] does, and maps gradients `[row][2 nv]` with respect to the next state to those with respect to this one, to
-    /// the torques and, if requested, to numbers of robot and scene.
+    /// Steps as [`Frame::step`], and multiplies gradients `[row][2 nv]` with respect to the next state by the frame's
+    /// Jacobian. Results are gradients with respect to state, torques and, if `numbers`, parameters of robot and scene.
     #[allow(clippy::too_many_arguments)]
     fn back(
         &mut self,
@@ -53,27 +53,28 @@ pub(crate) trait Back: Frame {
         config: &Self::Config,
         state: &[f64],
         tau: &[f64],
-        by_next: &[f64],
+        grad_next: &[f64],
         numbers: bool,
-    ) -> Result<Slopes, String>;
+    ) -> Result<Gradients, String>;
 }
 
-/// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot changes), then no more.
+/// Steps the environments of a batch in chunks. Allocates in its first step, and when the batch grows or its robot
+/// changes.
 pub(crate) struct Parallel<F: Frame> {
-    /// The robots of the batch and of environments that have their own, prepared.
+    /// Precomputed data of the batch's robot, and of each environment's robot if these differ.
     prepared: Option<Prepared<F>>,
     own: Vec<Prepared<F>>,
     frames: Vec<F>,
     next: Vec<f64>,
-    /// Stands in for forces where there are none.
+    /// Placeholder where there are no contact forces.
     none: Vec<Vector3<f64>>,
     faults: Mutex<Vec<Fault>>,
 }
 
-/// A system and its prepared data.
+/// A system and its precomputed data.
 type Prepared<F> = (Arc<System>, Arc<<F as Frame>::Prepared>);
 
-/// Number, states, forces and memory of a chunk.
+/// Index, states, forces and working memory of a chunk.
 type Chunk<'a, F> = (usize, ((&'a mut [f64], &'a mut [Vector3<f64>]), &'a mut F));
 
 impl<F: Frame> Parallel<F> {
@@ -83,7 +84,7 @@ impl<F: Frame> Parallel<F> {
         Self { prepared: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), none: Vec::new(), faults: Mutex::default() }
     }
 
-    /// One frame of every environment that can be stepped; see [`crate::solver::Solver::step`].
+    /// Steps every environment without a fault by one frame; see [`crate::solver::Solver::step`].
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         Self::CAPABILITIES.admit(batch)?;
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
@@ -92,7 +93,7 @@ impl<F: Frame> Parallel<F> {
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         let chunks = batch.len().div_ceil(F::CHUNK);
         let own = &self.own;
-        // Moved out of the batch while all threads read the batch.
+        // Take the forces out of the batch, since all threads read the batch.
         let mut forces = std::mem::take(&mut batch.forces);
         let points = if F::DRIVEN { system.robot.contact_points.len() } else { 0 };
         forces.resize(batch.len() * points, Vector3::zeros());
@@ -100,7 +101,7 @@ impl<F: Frame> Parallel<F> {
         self.none.resize(chunks, Vector3::zeros());
         let reported = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
         self.next.clone_from(&batch.states);
-        // Environments that are not finite from the start are not stepped.
+        // Environments with invalid inputs are not stepped.
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
         let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
         let faults = &self.faults;
@@ -144,19 +145,19 @@ impl<F: Frame> Parallel<F> {
         batch: &Batch,
         torques: &[f64],
         rows: usize,
-        by_next: &[f64],
+        grad_next: &[f64],
         numbers: bool,
-    ) -> Result<Slopes, StepError>
+    ) -> Result<Gradients, StepError>
     where
         F: Back,
     {
         Self::CAPABILITIES.admit(batch)?;
         let (n, robot) = (batch.len(), &batch.system.robot);
         let (d, joints, width) = (robot.state_dim(), robot.joint_count(), rows * 2 * robot.nv());
-        if by_next.len() != n * width {
+        if grad_next.len() != n * width {
             return Err(StepError::Solver(format!(
                 "{} gradients for {rows} rows of {n} environments, of {} numbers each",
-                by_next.len(),
+                grad_next.len(),
                 2 * robot.nv()
             )));
         }
@@ -169,13 +170,13 @@ impl<F: Frame> Parallel<F> {
             if let Some((_, prepared)) = own.get(env) {
                 frame.turn_to(prepared);
             }
-            let (tau, by_next) = (&torques[env * joints..(env + 1) * joints], &by_next[env * width..(env + 1) * width]);
-            let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, by_next, numbers)?;
+            let (tau, grad_next) = (&torques[env * joints..(env + 1) * joints], &grad_next[env * width..(env + 1) * width]);
+            let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, grad_next, numbers)?;
             if let Some(reason) = gone(batch.of(env), &found.next) {
                 return Err(reason);
             }
             if ![&found.states, &found.torques, &found.numbers].into_iter().flatten().all(|x| x.is_finite()) {
-                return Err("the frame's slopes are not finite".into());
+                return Err("the frame's gradients are not finite".into());
             }
             wrap_state(robot, &mut found.next);
             Ok(found)
@@ -188,8 +189,8 @@ impl<F: Frame> Parallel<F> {
             return Err(StepError::Environments(faults));
         }
         let chunks = batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate();
-        let found: Vec<Result<Slopes, String>> = chunks.map(chunk).flatten_iter().collect();
-        let mut out = Slopes::default();
+        let found: Vec<Result<Gradients, String>> = chunks.map(chunk).flatten_iter().collect();
+        let mut out = Gradients::default();
         for (env, found) in found.into_iter().enumerate() {
             match found {
                 Ok(found) => out.append(found),
@@ -199,7 +200,7 @@ impl<F: Frame> Parallel<F> {
         if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
     }
 
-    /// Prepares the batch's robots that have changed since the last frame, and allocates memory for all chunks.
+    /// Precomputes data of robots that have changed since the last frame, and allocates memory for all chunks.
     fn prepare(&mut self, batch: &Batch) -> Result<(), String> {
         let prepared = match &self.prepared {
             Some((system, prepared)) if Arc::ptr_eq(system, &batch.system) => prepared.clone(),

@@ -1,15 +1,16 @@
-//! Capabilities of a solver, and reasons why it could not step.
+//! Capabilities of a solver, step errors, and results of gradients.
 
 use crate::batch::Batch;
 
-/// Capabilities of a solver beside stepping states; check [`super::Solver::capabilities`] before the first step.
+/// Capabilities of a solver in addition to stepping states; check [`super::Solver::capabilities`] before the first
+/// step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
     /// Applies a batch's drives inside its frame ([`Batch::drives`]).
     pub drives: bool,
     /// Reports contact forces ([`Batch::contact_force`]).
     pub forces: bool,
-    /// Steps an individual robot in each environment ([`Batch::systems`]).
+    /// Steps a different robot in each environment ([`Batch::systems`]).
     pub systems: bool,
 }
 
@@ -29,14 +30,14 @@ impl Capabilities {
     }
 }
 
-/// Why a frame could not be stepped.
+/// Errors of a frame.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
-    /// Some environments could not be stepped and keep their states. All others were stepped as usual.
+    /// Some environments could not be stepped and keep their states. All others were stepped.
     #[error("{}", line(.0))]
     Environments(Vec<Fault>),
-    /// The batch needs a feature that this solver lacks; nothing was stepped.
+    /// The batch needs a capability that this solver lacks; nothing was stepped.
     #[error("{0}")]
     Refused(String),
     /// The solver as a whole failed; nothing was stepped.
@@ -45,12 +46,12 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// The number of torques is not one a joint of each environment.
+    /// The error for a number of torques that differs from environments times joints.
     pub(crate) fn torques(found: usize, environments: usize, joints: usize) -> Self {
         Self::Solver(format!("{found} torques for {environments} environments of {joints} joints"))
     }
 
-    /// The failed environments, for a caller that continues with the others; the error itself, if nothing was stepped.
+    /// The faults, for a caller that continues with the other environments; the error itself if nothing was stepped.
     pub fn faults(self) -> Result<Vec<Fault>, Self> {
         match self {
             Self::Environments(faults) => Ok(faults),
@@ -59,14 +60,14 @@ impl StepError {
     }
 }
 
-/// An environment that could not be stepped, with its address.
+/// An environment that could not be stepped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
-    /// Environment.
+    /// Index of the environment.
     pub env: usize,
-    /// Frame counted from the environment's reset.
+    /// Frame, counted from the environment's reset.
     pub frame: u64,
-    /// One line.
+    /// Reason, in one line.
     pub reason: String,
 }
 
@@ -76,22 +77,22 @@ fn line(faults: &[Fault]) -> String {
     format!("environment {env}, frame {frame}: {reason}{others}")
 }
 
-/// Result of [`super::Solver::back`].
+/// Result of [`super::Solver::vjp`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Slopes {
+pub struct Gradients {
     /// States after the frame, `[env][q, qd]`.
     pub next: Vec<f64>,
-    /// Gradients with respect to the states before it, `[env][row][2 nv]`.
+    /// Gradients with respect to the states before the frame, `[env][row][2 nv]`.
     pub states: Vec<f64>,
     /// Gradients with respect to the torques, `[env][row][joint]`.
     pub torques: Vec<f64>,
-    /// Gradients with respect to numbers of robot and scene if requested, `[env][row][number]`.
+    /// Gradients with respect to parameters of robot and scene, `[env][row][number]`; empty unless requested.
     pub numbers: Vec<f64>,
 }
 
-impl Slopes {
-    /// Jacobian-vector products of a frame from [`super::Solver::linearise`]: the change of the next states, `[env][2 nv]`, when the states
-    /// change by `states`, `[env][2 nv]`, and the torques by `torques`, `[env][joint]`.
+impl Gradients {
+    /// Jacobian-vector products of a frame from [`super::Solver::linearise`]: change of the next states, `[env][2 nv]`,
+    /// for changes of the states, `[env][2 nv]`, and torques, `[env][joint]`.
     pub fn forward(&self, states: &[f64], torques: &[f64]) -> Vec<f64> {
         let size = self.states.len().checked_div(states.len()).unwrap_or_default();
         let joints = (torques.len() * size).checked_div(states.len()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! A system from its parts: the specification is checked against the robot and applied to it.
+//! Builds a system from its parts: checks the specification against the robot and applies it.
 
 use std::collections::{HashMap, HashSet};
 
@@ -11,7 +11,7 @@ use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
 use crate::internal::*;
 
 impl System {
-    /// From a robot and an unchecked specification.
+    /// Builds a system from a robot and an unchecked specification.
     pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, world: World, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
         let UrdfRobot { mut robot, notes, meshes, hulls, mut base } = read.into();
         if source != Source::Derived || spec.floating {
@@ -20,7 +20,7 @@ impl System {
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
-        // From here on in the order of the coordinates.
+        // From here on, joint specifications are in the order of the coordinates.
         let places: HashMap<&str, usize> = robot.joints().enumerate().map(|(i, j)| (j.name.as_str(), i)).collect();
         spec.joints.sort_by_key(|joint| places.get(joint.name.as_str()).copied());
         if let Some(root) = &mut spec.root {
@@ -82,7 +82,7 @@ impl System {
     }
 }
 
-/// Gives the robot the numbers of a checked specification.
+/// Applies the parameters of a checked specification to the robot.
 fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
     for (joint, own) in robot.joints_mut().zip(&spec.joints) {
         (joint.armature, joint.stiffness, joint.rest) = (own.armature, own.stiffness, own.rest);
@@ -95,24 +95,24 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
     if !spec.contacts.is_empty() {
         let points = |c: &ContactSpec| robot.link(&c.link).map(|link| c.points(link, &robot.links[link].frame)).unwrap_or_default();
         let listed: Vec<ContactPoint> = spec.contacts.iter().flat_map(points).collect();
-        // A point listed where the file has one gets the file's surface; two may be at one position.
+        // A listed point at the position of one of the file's points gets that point's surface; positions may coincide.
         let mut own: Vec<_> = std::mem::take(&mut robot.contact_points).into_iter().filter(|p| p.surface.is_some()).collect();
         let mut surface = |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
         robot.contact_points = listed.into_iter().map(|p| p.clone().on(surface(&p))).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
-        // Nothing to touch: the robot pays for no contact point.
+        // Nothing to touch: without contact points the solver skips contact.
         robot.contact_points.clear();
     }
 }
 
-/// Whether two contact points touch alike, but for rounding.
+/// Whether two contact points are equal up to rounding.
 fn same(a: &ContactPoint, b: &ContactPoint) -> bool {
     let near = |a: Vec<Vector3<f64>>, b: Vec<Vector3<f64>>| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).amax() < 1e-9);
     a.link == b.link && a.radius == b.radius && near(a.places(), b.places())
 }
 
 impl ContactSpec {
-    /// Its contact points on link `link`, from whose `frame` they count; it is checked.
+    /// The contact points on link `link`, with positions given in `frame`. The specification is already checked.
     fn points(&self, link: usize, frame: &Isometry3<f64>) -> Vec<ContactPoint> {
         let place = |at: [f64; 3]| frame.transform_point(&at.into()).coords;
         let vertices = || self.vertices.iter().map(|v| place(*v)).collect::<Vec<_>>();
@@ -129,7 +129,7 @@ impl ContactSpec {
     }
 }
 
-/// Normalises a quaternion; leaves it as it is if it is a unit one up to rounding.
+/// Normalises a quaternion; a unit quaternion up to rounding stays unchanged.
 fn upright(quaternion: &mut [f64; 4]) {
     let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (size - 1.0).abs() > 1e-12 {
@@ -137,8 +137,8 @@ fn upright(quaternion: &mut [f64; 4]) {
     }
 }
 
-/// Columns of tables that the specification leaves out: joints by their names, with `q_` before those that would be mistaken for another
-/// column.
+/// Fills in the column names that the specification leaves out: joint names, with a prefix `q_` where a name would
+/// clash with another column.
 pub(crate) fn name_columns(robot: &Robot, spec: &mut Spec) {
     let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
     let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));

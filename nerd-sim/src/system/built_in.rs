@@ -1,6 +1,6 @@
-//! The robots and cables that come with the crate.
+//! Robots and cables that come with the crate.
 
-/// Name, specification and URDF of a robot that comes with the crate.
+/// Name, specification and URDF of each built-in robot.
 macro_rules! built_in {
     ($($name:literal, $urdf:literal;)*) => {
         [$(($name, include_str!(concat!("../../assets/", $name, ".toml")), include_str!(concat!("../../assets/", $urdf, ".urdf")))),*]
@@ -22,7 +22,7 @@ pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
     "anymal-paper", "anymal-paper";
 };
 
-/// The same of robots with a `[vary]`: each a family of robots.
+/// Name, specification and URDF of each built-in robot with a `[vary]`: a family of robots.
 pub(super) const FAMILIES: [(&str, &str, &str); 6] = built_in! {
     "pendulum-family", "pendulum";
     "franka-family", "franka";
@@ -32,13 +32,13 @@ pub(super) const FAMILIES: [(&str, &str, &str); 6] = built_in! {
     "elbow-family", "elbow-family";
 };
 
-/// Name and text of the cables that come with the crate.
+/// Name and specification of each built-in cable.
 pub(super) const CABLES: [(&str, &str); 2] =
     [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];
 
-/// Keys of a robot's TOML that do not apply to a cable, and what to use instead.
+/// Keys of a robot's TOML that do not apply to a cable, and the reason or alternative.
 pub(crate) const FOREIGN: [(&str, &str); 5] = [
-    ("floating", "a cable's root is decided by [cable] held"),
+    ("floating", "a cable's root is decided by [cable] support"),
     ("urdf", "a cable has none, [cable] says all of it"),
     ("mesh_points", "a cable has no meshes"),
     ("self_collision", "a cable's rods do not touch each other"),

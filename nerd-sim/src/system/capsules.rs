@@ -1,8 +1,9 @@
-//! Capsules for self-collision of a robot's links, and the gap between two of them.
+//! Fits capsules to a robot's links for self-collision, and computes the gap between two capsules.
 //!
-//! Balls and capsules are exact. A cylinder becomes a capsule of its radius and length; a flat one and a box become capsules side by side
-//! along their longest axis, as thick as the shape. So edges are rounded, by 0.41 of the smallest half extent at an edge and 0.73 at a
-//! corner. The hull of a mesh becomes the smaller of two boxes, each of whose capsules is shortened and thinned to fit inside the hull.
+//! Spheres and capsules are exact. A long cylinder becomes a capsule of its radius and length. A flat cylinder and a
+//! box become capsules side by side along their longest axis, as thick as the shape. Edges are thereby rounded, by 0.41
+//! of the smallest half extent at an edge and 0.73 at a corner. The convex hull of a mesh becomes the smaller of two
+//! boxes; its capsules are shortened and thinned to fit inside the hull.
 
 use std::f64::consts::PI;
 
@@ -10,15 +11,15 @@ use nalgebra::{Rotation3, Translation3};
 
 use crate::internal::*;
 
-/// Largest distance of neighbouring capsules, in radii: the dip between two is then a third of a radius deep.
+/// Largest spacing of neighbouring capsules, in radii: the dip between two is then a third of a radius deep.
 const APART: f64 = 1.5;
-/// Most capsules side by side; wider, flatter shapes are taken as thicker.
+/// Maximum number of capsules side by side; a wider, flatter shape gets thicker capsules.
 const ROWS: usize = 12;
 /// Thinnest capsule (m).
 const THINNEST: f64 = 1e-4;
-/// Share of the squared sum of two radii that is added to their squared distance at both ends: capsules are slightly barrel-shaped, R /
-/// 4000 thinner at an end. Where two lie side by side, their contact position is then a continuous function of the pose, and their gap has
-/// its gradient.
+/// Share of the squared sum of two radii that is added to the squared distance of two capsules at an end. Capsules are
+/// thus slightly barrel-shaped, R / 4000 thinner at an end. For parallel capsules side by side, the contact position
+/// becomes a continuous function of the pose and the gap differentiable.
 pub(crate) const BARREL: f64 = 1.0 / 2000.0;
 
 /// All points within `radius` of the segment from `middle - half` to `middle + half` (m, link frame).
@@ -30,16 +31,16 @@ pub(crate) struct Capsule {
 }
 
 pub(crate) struct Meeting {
-    /// Distance of their surfaces (m), negative inside.
+    /// Distance (m) between the surfaces of two capsules, negative when they overlap.
     pub(crate) gap: f64,
-    /// Gradient of the gap with respect to the first one's position, a unit vector except for the barrel's share.
+    /// Gradient of the gap with respect to the first capsule's position: a unit vector up to the barrel's share.
     pub(crate) normal: Vector3<f64>,
     pub(crate) place: Vector3<f64>,
 }
 
 impl Capsule {
-    /// Contact with another capsule: of all pairs of points `m + s h` of the two axes, s from -1 to 1, the pair with the least `|x_1 -
-    /// x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
+    /// Contact with another capsule: the pair of points `m + s h` on the two axes, s from -1 to 1, with the least
+    /// `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> Meeting {
         let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);
@@ -55,12 +56,12 @@ impl Capsule {
         let between = apart + u * s - v * t;
         let distance = (between.dot(&between) + barrel * (s * s + t * t)).sqrt();
         let place = other.middle + v * t + between * (other.radius / reach);
-        // Where the axes cross the direction is undefined, so there is no force.
+        // Where the axes cross, the normal is undefined and set to zero, so there is no force.
         let normal = if distance > 0.0 { between / distance } else { between };
         Meeting { gap: distance - reach, normal, place }
     }
 
-    /// The same in other axes.
+    /// The capsule in other axes.
     #[inline]
     pub(crate) fn moved(&self, rotation: &Matrix3<f64>, position: &Vector3<f64>) -> Self {
         Self { middle: position + rotation * self.middle, half: rotation * self.half, radius: self.radius }
@@ -88,12 +89,12 @@ impl Capsule {
         bars.iter().filter_map(|bar| room.fit(bar)).collect()
     }
 
-    /// Whether it is inside another one, up to rounding.
+    /// Whether this capsule lies inside another, up to rounding.
     pub(crate) fn within(&self, other: &Self) -> bool {
         [-1.0, 1.0].iter().all(|s| other.outside(&(self.middle + self.half * *s)) + self.radius < 1e-9)
     }
 
-    /// Distance (m) of a point outside of it.
+    /// Distance (m) of a point from the capsule's surface, positive outside.
     fn outside(&self, place: &Vector3<f64>) -> f64 {
         let length = self.half.norm_squared();
         let s = if length > 0.0 { ((place - self.middle).dot(&self.half) / length).clamp(-1.0, 1.0) } else { 0.0 };
@@ -101,7 +102,7 @@ impl Capsule {
     }
 }
 
-/// Largest distance (m) of a link's contact points outside of its capsules.
+/// Largest distance (m) of a link's contact points outside its capsules.
 pub(crate) fn rounded(points: &[ContactPoint], capsules: &[Capsule]) -> f64 {
     let out = |place: &Vector3<f64>| capsules.iter().map(|c| c.outside(place)).fold(f64::INFINITY, f64::min);
     points.iter().flat_map(|p| p.places().into_iter().map(move |x| out(&x) + p.radius)).fold(0.0, f64::max)
@@ -112,8 +113,8 @@ fn along(pose: &Isometry3<f64>, axis: usize, half_length: f64, radius: f64) -> C
     Capsule { middle: pose.translation.vector, half, radius: radius.max(THINNEST) }
 }
 
-/// A flat shape with these half extents as capsules side by side; `reach` is half the length of the axis of the capsule at y, given its
-/// thickness.
+/// Capsules side by side for a flat box or cylinder with these half extents. `reach` is half the axis length of the
+/// capsule at offset y, given the capsules' radius.
 fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f64) -> Vec<Capsule> {
     if half.max() <= 0.0 {
         return Vec::new();
@@ -129,7 +130,8 @@ fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f
     (0..=gaps as usize).map(|k| row(place(k))).collect()
 }
 
-/// The smaller of two boxes about vertices: along the link's axes, and along their covariance's.
+/// The smaller of two bounding boxes of vertices: along the link's axes, and along the principal axes of their
+/// covariance.
 fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
     let mean = vertices.iter().sum::<Vector3<f64>>() / vertices.len() as f64;
     let spread: Matrix3<f64> = vertices.iter().map(|v| (v - mean) * (v - mean).transpose()).sum();
@@ -149,13 +151,14 @@ fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
     if size(&two[0]) <= size(&two[1]) { two[0] } else { two[1] }
 }
 
-/// Room inside a convex hull: its support in many directions.
+/// Inside of a convex hull: its support function in many directions.
 struct Room(Vec<(Vector3<f64>, f64)>);
 
-/// Directions, and stations along a capsule.
+/// Number of support directions, and of stations along a capsule.
 const DIRECTIONS: usize = 200;
 const STATIONS: usize = 11;
-/// Share of a row's largest radius below which the row ends, and of a box's below which there is no row.
+/// Least radius along a fitted capsule, as a share of its largest: the ends are cut there. Least radius of the capsule
+/// itself, as a share of the box's: otherwise it is dropped.
 const LEFT: f64 = 0.6;
 const THERE: f64 = 0.3;
 
@@ -170,12 +173,12 @@ impl Room {
         (!vertices.is_empty()).then(|| Self((0..DIRECTIONS).map(direction).map(far).collect()))
     }
 
-    /// Radius of the largest ball about a point that fits inside.
+    /// Radius of the largest sphere about a point inside the hull.
     fn at(&self, place: &Vector3<f64>) -> f64 {
         self.0.iter().map(|(n, far)| far - n.dot(place)).fold(f64::INFINITY, f64::min)
     }
 
-    /// The part of a capsule that fits, except for ends that are slightly too thick.
+    /// The part of a capsule inside the hull; its ends may stick out slightly.
     fn fit(&self, bar: &Capsule) -> Option<Capsule> {
         let station = |k: usize| 2.0 * k as f64 / (STATIONS - 1) as f64 - 1.0;
         let room: Vec<f64> = (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();

@@ -1,7 +1,7 @@
-//! Self-collision: which links of a robot may touch each other, and with which contact law (`self_collision`).
+//! Self-collision: pairs of links that may touch each other, with their contact laws (`self_collision`).
 //!
-//! Excluded are a link with its parent (links without shapes are skipped), and pairs that touch in the default pose: their shapes overlap
-//! by design. If a file says which of its geoms meet, this replaces the first rule.
+//! Excluded are a link and its parent (links without shapes are skipped), and pairs that touch in the default pose.
+//! Their shapes overlap by design. Where a file lists the geoms that collide, the list replaces the first rule.
 
 use std::ops::Range;
 
@@ -11,27 +11,28 @@ use super::capsules::{Capsule, rounded};
 use crate::internal::*;
 use crate::scene::{PairLaw, Surfaces};
 
-/// Parts nearer than this in the default pose touch there (m).
+/// Distance (m) below which parts in the default pose count as touching.
 const TOUCHING: f64 = 1e-3;
 
-/// The parts of a robot that may touch each other. None by default.
+/// The parts of a robot that may touch each other; empty by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Folds {
     pub(crate) capsules: Vec<Capsule>,
-    /// Parts: a link, or its geoms with one surface of the file.
+    /// Link of each part: a part is a link, or the geoms of a link that share a surface of the file.
     pub(crate) links: Vec<usize>,
-    /// By part, the range of its capsules.
+    /// Range of capsules of each part.
     pub(crate) own: Vec<Range<usize>>,
-    /// By part, centre (m, link frame) and radius (m) of a ball about them.
+    /// Bounding sphere of each part: centre (m, link frame) and radius (m).
     pub(crate) balls: Vec<(Vector3<f64>, f64)>,
-    /// Pairs of parts.
+    /// Pairs of parts that are checked for collision.
     pub(crate) pairs: Vec<[usize; 2]>,
-    /// By pair, the file's contact law, if it has one.
+    /// Contact law of each pair in the file, if the file has one.
     pub(crate) laws: Vec<Option<PairLaw>>,
 }
 
 impl Folds {
-    /// The pairs of a robot with these meshes and surfaces, except those that touch in pose `q`; and a note about them.
+    /// The pairs of a robot with these meshes and surfaces, except pairs that touch in pose `q`; and a note that lists
+    /// them.
     pub(crate) fn new(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, q: &[f64]) -> (Self, String) {
         let (mut folds, mut of_file, mut off) = (Self::default(), Vec::new(), 0.0f64);
         for (link, surface) in
@@ -50,8 +51,8 @@ impl Folds {
         kinematics(robot, q, &mut data);
         let solid: Vec<usize> = (0..folds.own.len()).filter(|i| !folds.own[*i].is_empty()).collect();
         let bodied = |link: usize| solid.iter().any(|i| folds.links[*i] == link);
-        let above = |i: usize| std::iter::successors(robot.links[i].parent, |p| robot.links[*p].parent).find(|p| bodied(*p));
-        // `None`: they never meet.
+        let above = |i: usize| robot.ancestors(i).skip(1).find(|p| bodied(*p));
+        // `None`: the two never collide.
         let law = |[a, b]: [usize; 2]| match (of_file[a], of_file[b]) {
             (Some(a), Some(b)) => surfaces.between(a, b).copied().map(Some),
             _ => (folds.links[a] != folds.links[b] && above(folds.links[b]) != Some(folds.links[a])).then_some(None),
@@ -89,7 +90,7 @@ impl Folds {
         self.capsules[self.own[part].clone()].iter().map(move |c| c.moved(&data.rotation[link], &data.position[link]))
     }
 
-    /// Distance of two parts (m).
+    /// Distance (m) of two parts.
     fn gap(&self, [a, b]: &[usize; 2], data: &Data) -> f64 {
         let gaps = self.placed(*a, data).flat_map(|one| self.placed(*b, data).map(move |other| one.meets(&other).gap));
         gaps.fold(f64::INFINITY, f64::min)
@@ -106,7 +107,8 @@ impl Folds {
     }
 }
 
-/// The parts of a link, by surfaces: those that meet a part of another link. One part if the file makes no difference.
+/// The parts of a link by surface, limited to surfaces that collide with another link. A link is one part in a file
+/// without surfaces.
 fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Vec<Option<usize>> {
     if surfaces.is_empty() {
         return vec![None];
@@ -125,7 +127,8 @@ fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Ve
     own
 }
 
-/// The capsules of a part: of its shapes and meshes, or else of the hulls among its contact points; and the points that they should cover.
+/// Capsules of a part, from its shapes and meshes, else from convex hulls among its contact points; and the points that
+/// the capsules should cover.
 fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (Vec<Capsule>, Vec<ContactPoint>) {
     let shapes = || robot.links[link].shapes.iter().filter(|shape| surface.is_none() || shape.surface == surface);
     let mut capsules: Vec<_> = shapes().flat_map(Capsule::of_shape).collect();
@@ -141,7 +144,7 @@ fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (V
         capsules.extend(Capsule::of_hull(vertices));
         points.push(ContactPoint::hull(link, vertices.clone(), 0.0));
     }
-    // A ball at the end of a capsule is redundant.
+    // A capsule inside another is redundant.
     let needless = |k: &usize| {
         (0..capsules.len()).any(|o| o != *k && capsules[*k].within(&capsules[o]) && (o < *k || !capsules[o].within(&capsules[*k])))
     };
@@ -149,7 +152,7 @@ fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (V
     (kept, points)
 }
 
-/// A ball about capsules, not the smallest.
+/// A bounding sphere of capsules, not the smallest.
 fn ball(capsules: &[Capsule]) -> (Vector3<f64>, f64) {
     let centre = capsules.iter().map(|c| c.middle).sum::<Vector3<f64>>() / capsules.len().max(1) as f64;
     let far = |c: &Capsule| (c.middle - centre).norm() + c.half.norm() + c.radius;

@@ -1,7 +1,7 @@
-//! Hashes that identify a system by content, not by name or files, for data, models and runs.
+//! SHA-256 hashes that identify a system by content, in place of names or files, for data, models and runs.
 //!
-//! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
-//! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
+//! The hash is taken over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), text and lists with
+//! their lengths. Comments, white space, order of keys and tables, and spelling of numbers have no effect.
 
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -10,7 +10,7 @@ use super::motors::Motors;
 use crate::internal::*;
 use crate::scene::PairLaw;
 
-/// Keys of a specification on which no data depends, or whose effects [`System::robot_sha256`] covers.
+/// Keys of a specification that do not affect data, or that [`System::robot_sha256`] covers.
 const ELSEWHERE: [&str; 14] = [
     "urdf",
     "truth",
@@ -29,22 +29,23 @@ const ELSEWHERE: [&str; 14] = [
 ];
 
 impl System {
-    /// Hash of everything on which its motion under given torques depends: links, joints, inertias, contact shapes and material, base,
-    /// frame, gravity, and its substeps. Lower-case hex.
+    /// Hash of everything that determines the motion under given torques: links, joints, inertias, contact shapes and
+    /// material, base, frame time, gravity, substeps. Lower-case hex.
     pub fn robot_sha256(&self) -> String {
         sha256(&self.motion())
     }
 
-    /// Hash of [`System::robot_sha256`] and everything else on which data depends: the robot's starts, drives and control, and its scenes.
+    /// Hash of [`System::robot_sha256`] and everything else that determines data: starts, drives, control and scenes.
     /// Lower-case hex.
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            // Later keys are omitted where they have no effect, so that a robot without them keeps its hash.
+            // Keys added later are omitted where they have no effect, so that earlier systems keep their hash.
             let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
             keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
             keys.get_mut("vary").and_then(Value::as_object_mut).into_iter().for_each(|vary| vary.retain(|_, range| !range.is_null()));
         }
+        crate::files::renamed::hashed(&mut spec);
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
             joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));
         }
@@ -107,7 +108,7 @@ impl System {
     }
 }
 
-/// A link without its name; its shapes only where something of it touches.
+/// A link without its name; with its shapes only if the link has contact points.
 fn link(link: &Link, touching: bool) -> Value {
     let body = &link.inertia;
     let shapes = link.shapes.iter().filter(|_| touching).map(shape);
@@ -135,7 +136,7 @@ fn joint(joint: &Joint) -> Value {
         "friction": joint.friction,
         "armature": joint.armature,
     });
-    // Omitted where it has no effect, so that older robots keep their hash.
+    // Omitted where it has no effect, so that earlier robots keep their hash.
     if joint.stiffness > 0.0 {
         value["spring"] = json!([joint.stiffness, joint.rest]);
     }
@@ -155,7 +156,7 @@ fn shape(shape: &Shape) -> Value {
     on(json!([kind, sizes, pose(&shape.pose)]), shape.surface)
 }
 
-/// A contact shape, with its surface where the file has several.
+/// A contact shape, with its surface where the file has surfaces.
 fn on(mut solid: Value, surface: Option<usize>) -> Value {
     if let (Value::Array(solid), Some(surface)) = (&mut solid, surface) {
         solid.push(json!(surface));

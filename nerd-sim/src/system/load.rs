@@ -6,10 +6,15 @@ use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 use super::derive::{Ground, derived, floats, plain, touch};
 use super::start::{DRAWS, overlaps};
 use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check, world::World};
-use crate::{files::read_text, internal::*, system::mjcf::Description};
+use crate::files::{
+    read_text,
+    renamed::{self, Kind},
+};
+use crate::{internal::*, system::mjcf::Description};
 
 impl System {
-    /// A built-in robot or cable by name, or by path the robot of a URDF or MJCF file or the cable of a TOML ([`crate::cable`]).
+    /// A built-in robot or cable by name; by path, the robot of a URDF or MJCF file, or the cable of a TOML
+    /// ([`crate::cable`]).
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().chain(&FAMILIES).find(|b| b.0 == name) {
             return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
@@ -27,12 +32,12 @@ impl System {
         }
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
-        // A refusal names the file.
+        // The error names the file.
         let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path)).map_err(|e| match e {
             SystemError::Urdf(_, reason) => SystemError::Urdf(name.into(), reason),
             other => other,
         })?;
-        // A specification that names another file's robot would be applied to this one.
+        // A specification that names another robot's file must not be applied to this robot.
         match &system.spec.urdf {
             Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
                 let text = format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
@@ -42,14 +47,16 @@ impl System {
         }
     }
 
-    /// From the text of a URDF or MJCF and of a specification; without one, see [`System::bare`], with the base of the file, else a fixed
-    /// one. No file is known here, and `urdf` in the specification has no effect.
+    /// From the text of a URDF or MJCF and of a specification. Without a specification as [`System::bare`], with the
+    /// file's base, else a fixed base. No file is known here, and `urdf` in the specification has no effect.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         Self::read(name, urdf, spec, None)
     }
 
-    /// `path` is the robot's file, relative to which its meshes are found.
+    /// `path` is the robot's file; meshes are found relative to it.
     fn read(name: &str, text: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
+        let spec = spec.map(|spec| renewed(name, spec)).transpose()?;
+        let spec = spec.as_deref();
         let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let own = (file.bodies.clone().into(), path.map(Path::to_path_buf));
         Ok(Self { file: own, ..Self::of(name, file, spec, path)? })
@@ -82,7 +89,8 @@ impl System {
         Self::new(name, read, world, spec, Source::Specified)
     }
 
-    /// From a robot's file; keys missing in `own`, a partial specification, are derived from its numbers (`derive.rs`).
+    /// Derives a specification from a robot's file, for all keys missing in the partial specification `own`
+    /// (`derive.rs`).
     fn derived(name: &str, file: Description, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
         let read = |floating| -> Result<UrdfRobot, UrdfError> {
@@ -93,7 +101,7 @@ impl System {
         };
         let read = match own.get("floating").and_then(toml::Value::as_bool).or(file.floating()) {
             Some(floating) => read(floating),
-            // If the one base is impossible, the file requires the other.
+            // If one kind of base is impossible, the file requires the other.
             None => match read(true) {
                 Ok(free) if floats(&free.robot) => Ok(free),
                 Ok(free) => Ok(read(false).unwrap_or(free)),
@@ -114,12 +122,12 @@ impl System {
         }
         let defaults = [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
         let default =
-            |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.clone().try_into::<f64>().ok()?));
+            |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default_q")?.clone().try_into::<f64>().ok()?));
         let defaults = defaults.filter_map(default).collect();
         let mut keys = file.keys_of(&read.robot);
-        // The pose is among `defaults`.
+        // `defaults` already holds the default pose.
         for joint in keys.get_mut("joint").and_then(toml::Value::as_array_mut).into_iter().flatten().filter_map(toml::Value::as_table_mut) {
-            joint.remove("default");
+            joint.remove("default_q");
         }
         let world = World::of(&file, path, &mut read.notes);
         let ground = Ground::of(&own, &file, (&world.colliders, &world.surfaces));
@@ -127,7 +135,7 @@ impl System {
         let [silent, its_own, rooted] = [own.is_empty(), own.contains_key("data_scene"), own.contains_key("root")];
         let mut spec = spec.and_then(|spec| spec.over(own)).map_err(|e| SystemError::spec(name, e))?;
         let made = match Self::new(name, read.clone(), world.clone(), spec.clone(), Source::Derived) {
-            // A robot that slides on its file's ground is never clear of it.
+            // A robot that slides on the ground of its file is never clear of the ground.
             Err(SystemError::Blocked(..)) if !its_own && file.floating() == Some(false) => {
                 read.notes.push("the ground of its file is no scene of its data, since no start is clear of it".into());
                 spec.data_scene = None;
@@ -139,7 +147,7 @@ impl System {
             system.notes.extend(overlaps(&system));
             system
         });
-        // Derived keys were not written by a user.
+        // Errors in derived keys are reported as errors of the file: no user wrote these keys.
         made.map_err(|error| match error {
             SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(
                 robot,
@@ -152,12 +160,12 @@ impl System {
         })
     }
 
-    /// From the text of a URDF or MJCF alone: gravity along -z where the file has none, 1/60 s, no torque.
+    /// From the text of a URDF or MJCF alone: gravity along -z unless the file sets it, frames of 1/60 s, no torque.
     pub fn bare(name: &str, text: &str, floating: bool) -> Result<Self, SystemError> {
         Self::bare_at(name, text, floating, None)
     }
 
-    /// The same, with meshes found relative to the file.
+    /// As [`System::bare`], with meshes found relative to the file at `path`.
     pub fn bare_at(name: &str, text: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
         Self::moving(name, &file, floating, path)
@@ -179,7 +187,7 @@ impl System {
     /// A cable, from the text of its specification: `[cable]` and other keys.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, SystemError> {
         let wrong = |e: String| SystemError::spec(name, e);
-        let mut own: Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        let mut own: Table = toml::from_str(&renewed(name, text)?).map_err(|e| wrong(e.to_string()))?;
         let Some(cable) = own.remove("cable") else {
             return Err(wrong("there is no [cable] in it, and of other robots the .urdf is named, not the .toml beside it".into()));
         };
@@ -199,14 +207,21 @@ impl System {
     }
 }
 
-/// An error in a derived specification, in terms of the robot's file.
+/// The text of a specification with new names for old keys.
+fn renewed(name: &str, text: &str) -> Result<String, SystemError> {
+    let (text, old) = renamed::toml(Kind::Robot, text).map_err(|e| SystemError::spec(name, e))?;
+    renamed::note(&format!("robot {name}"), old);
+    Ok(text)
+}
+
+/// Rewords an error in a derived specification in terms of the robot's file.
 fn spoken(text: &str) -> String {
     let joint = text.strip_prefix("[[joint]] name = \"").and_then(|rest| rest.split_once("\": "));
     let what = joint.map_or_else(|| text.into(), |(name, what)| format!("joint `{name}`: {what}"));
     format!("what its file makes of it cannot be simulated: {what}")
 }
 
-/// Whether a specification says that nothing of the robot touches.
+/// Whether a specification has an empty list of contact points.
 fn untouched(own: &Table) -> bool {
     own.get("contact").and_then(toml::Value::as_array).is_some_and(Vec::is_empty)
 }
@@ -215,7 +230,7 @@ fn base(floating: bool) -> Base {
     if floating { Base::Floating } else { Base::fixed() }
 }
 
-/// Refuses a cable whose numbers are each within range, but whose results are not.
+/// Refuses a cable with derived parameters out of range, even where each of its numbers is within range.
 fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
     let mut spec = spec.clone();
     name_columns(robot, &mut spec);

@@ -1,10 +1,11 @@
-//! Which contact points of a system meet which colliders, and with what material.
+//! Materials of a system's contacts with the scene and with itself, contact events, and energy stored in springs.
 
 use crate::internal::*;
 use crate::scene::Meeting;
 
 impl System {
-    /// Energy (J) in the springs of contacts, joints and their limits at a state: `k g^2 / 2` at the depth g of each.
+    /// Energy (J) stored in the springs of contacts, joints and joint limits: `k g^2 / 2` for each spring at deflection
+    /// g.
     pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
         let (robot, mut events) = (&self.robot, Vec::new());
         contacts(self, scene, state, data, &mut events);
@@ -19,7 +20,7 @@ impl System {
         pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
     }
 
-    /// The material of a contact point on a collider; `None` if they never meet.
+    /// Material of a contact point on a collider; `None` if the two never collide.
     #[inline]
     pub fn meeting(&self, point: &ContactPoint, collider: &Collider) -> Option<Material> {
         let material = collider.material.mean(&self.spec.material);
@@ -29,14 +30,15 @@ impl System {
         }
     }
 
-    /// The material of two of its own parts, the k-th pair.
+    /// Material of the k-th pair of self-colliding parts.
     pub(crate) fn folding(&self, k: usize) -> Material {
         let own = &self.spec.material;
         self.folds.laws[k].map_or(*own, |law| own.pair(&law, self.one_friction.filter(|_| law.condim > 1).unwrap_or(law.friction)))
     }
 }
 
-/// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
+/// Writes the contact event of every contact point of a robot at `state` into `events`. Also leaves the kinematics in
+/// `data`.
 pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
     let robot = &system.robot;
     kinematics(robot, state, data);

@@ -1,20 +1,21 @@
-//! Merges the keys of one file over those in another, so that a specification needs only the differences.
+//! Merges the keys of one TOML over the keys of another, so that a specification needs only the differences.
 //!
-//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is a few lines. `like =
-//! "urdf"` derives them from the URDF, see `derive.rs`, and a cable's from its data sheet.
+//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is
+//! a few lines. `like = "urdf"` derives missing keys from the URDF (`derive.rs`). A cable's missing keys come from its
+//! data sheet.
 
 use toml::Table;
 
 use crate::internal::*;
 
 impl Spec {
-    /// From the text of a file.
+    /// Parses the text of a file, with `like` resolved.
     pub fn read(text: &str) -> Result<Self, String> {
         let Some(table) = merged(text)? else { return toml::from_str(text).map_err(|e| e.to_string()) };
         Self::deserialize(table).map_err(|e| e.to_string())
     }
 
-    /// The keys of a file with `like = "urdf"`; `None` for other files.
+    /// The keys of a file with `like = "urdf"` or `"mjcf"`; `None` for other files.
     pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
         let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
         let like = matches!(own.get("like").and_then(toml::Value::as_str), Some("urdf" | "mjcf"));
@@ -22,8 +23,8 @@ impl Spec {
         Ok(like.then_some(own))
     }
 
-    /// This table with the keys of another over it: the material and joints (by name) key by key, scenes by name, everything else as a
-    /// whole.
+    /// This specification with the keys of `own` over it: material and joints (by name) key by key, scenes by name, all
+    /// other keys as a whole.
     pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
         if own.is_empty() {
             return Ok(self);
@@ -44,7 +45,7 @@ impl Spec {
             for joint in given {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
                     (Some(toml::Value::Table(known)), toml::Value::Table(given)) => {
-                        // A gain equal to the torque follows it.
+                        // A gain equal to the old torque takes the new torque.
                         if given.contains_key("torque") && known.get("gain") == known.get("torque") {
                             known.remove("gain");
                         }
@@ -72,7 +73,7 @@ impl Spec {
     }
 }
 
-/// A file like a built-in robot's, with the missing keys filled in; `None` if it is like no other.
+/// The keys of a file with `like = NAME`, filled up from that built-in robot; `None` without `like`.
 fn merged(text: &str) -> Result<Option<Table>, String> {
     let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
     let Some(like) = own.remove("like") else { return Ok(None) };
@@ -84,15 +85,15 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
         Some(all) => all,
         None => toml::from_str(other).map_err(|e| e.to_string())?,
     };
-    // The other robot's URDF key is not inherited.
+    // The `urdf` key of the other robot is not inherited.
     all.remove("urdf");
     displace(&mut all, &own)?;
     all.extend(own);
     Ok(Some(all))
 }
 
-/// The scene of the data is one setting: a file that sets a scene removes a random plane, and the other way round. Without a scene, the
-/// clearance of starts is removed.
+/// The training data has one scene: `data_scene` removes an inherited random plane, and vice versa. Removing the scene
+/// also removes the clearance of starts.
 fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     match [own.contains_key("data_scene"), own.contains_key("random_plane")] {
         [true, true] => return Err("random_plane and data_scene are two grounds for the training data; leave one of the two out".into()),
@@ -107,7 +108,7 @@ fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     Ok(())
 }
 
-/// No joint has this name. For a long chain the first names and the last are listed.
+/// The error for an unknown joint name. For a robot with many joints, only the first names and the last are listed.
 fn no_joint(name: &str, known: &[String]) -> String {
     let known = match known {
         [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),

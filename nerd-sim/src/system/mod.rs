@@ -1,4 +1,4 @@
-//! A system: a robot and its specification (what a URDF leaves open), from names, files or texts.
+//! Systems: a robot and its specification (everything a URDF leaves open), from names, files or text.
 
 mod build;
 mod built_in;

@@ -1,4 +1,4 @@
-//! A system: a robot model together with its specification, built in or from files.
+//! A system: a robot model with its specification, built in or from files.
 
 use nerd_core::robot::{Bodies, MeshFile};
 use toml::Table;
@@ -10,63 +10,66 @@ use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
 use crate::scene::{GROUND, PlaneSpec, SceneSpec, Surfaces, TerrainSpec, WORLDS, described, world};
 
-/// The scene that [`System::with_terrain`] adds.
+/// Name of the scene that [`System::with_terrain`] adds.
 pub const TERRAIN: &str = "terrain";
 
-/// Why a system could not be made.
+/// Errors of making a system.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SystemError {
-    /// No such built-in robot, and no such file.
+    /// Neither a built-in robot nor a file has this name.
     #[error("no robot `{0}`: choose from {known}, or the path of a .urdf or MJCF (.xml; with a .toml beside it for what it cannot say) or of a cable's .toml", known = [System::built_in(), System::families(), System::cables()].concat().join(", "))]
     Unknown(String),
-    /// No such scene.
+    /// The system has no scene of this name. Fields: system, scene, known scenes.
     #[error("system `{0}` has no scene `{1}`: choose from {2}")]
     Scene(String, String, String),
-    /// A file that could not be read.
+    /// A file cannot be read.
     #[error(transparent)]
     File(#[from] FileError),
-    /// The URDF cannot be honoured.
+    /// The URDF or MJCF cannot be represented.
     #[error("robot `{0}`: {1}")]
     Urdf(String, UrdfError),
-    /// The specification is wrong.
+    /// The specification is invalid.
     #[error("specification of robot `{0}`: {1}")]
     Spec(String, String),
-    /// No start was found that is clear of the data's scene. Fields: the robot, the number and kind of starts, the scene, the advice.
+    /// No start is clear of the training data's scene. Fields: robot, number and kind of starts, scene, advice.
     #[error("robot `{0}`: none of its {1} is clear of scene `{2}`: {3}")]
     Blocked(String, String, String, String),
 }
 
 impl SystemError {
-    /// An error in a specification, in one line.
+    /// An error in a specification, as one line.
     pub(crate) fn spec(name: &str, text: impl ToString) -> Self {
         Self::Spec(name.into(), text.to_string().trim().replace('\n', " "))
     }
 }
 
-/// Where a system comes from.
+/// Origin of a system's specification.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A robot whose specification was derived from its numbers.
+    /// Derived from the robot's file.
     Derived,
-    /// A robot with a specification of its own.
+    /// Written for the robot.
     Specified,
-    /// `[cable]` ([`crate::cable`]).
+    /// A data sheet `[cable]` ([`crate::cable`]).
     Cable,
 }
 
 impl Source {
-    /// The source of starts, for a system with a `[root]` or without, and the setting that lifts them out of the ground.
+    /// Description of the starts of a system (`rooted`: with `[root]`), and the setting that would lift them clear of
+    /// the scene.
     pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
         match (self, rooted) {
-            (Self::Cable, _) => [format!("of [cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
+            (Self::Cable, _) => {
+                [format!("of [cable] position and direction, and of its joints' {which} boxes,"), "change position or direction".into()]
+            }
             (_, true) => [format!("of [root.{which}]"), raise.into()],
             (_, false) => [format!("of the joints' `{which}`"), "narrow them, or move the scene".into()],
         }
     }
 
-    /// Extends the reason why a frame could not be stepped by advice, where there is some.
+    /// Adds advice to the reason why a frame could not be stepped, if there is advice.
     pub(crate) fn lost(self, reason: String) -> String {
         match self {
             Self::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
@@ -75,56 +78,57 @@ impl Source {
     }
 }
 
-/// A robot, how it is driven, sampled and watched.
+/// A robot with its control, sampling, scenes and sensors.
 #[derive(Clone, Debug)]
 pub struct System {
     /// Name, as on the command line.
     pub name: String,
-    /// The model, with armature, limits and contact points of the specification.
+    /// Robot model, with armature, limits and contact points of the specification.
     pub robot: Robot,
     /// The specification.
     pub spec: Spec,
-    /// One control frame (s).
+    /// Frame time (s): duration of a control step.
     pub frame_time: f64,
     /// Origin of the specification.
     pub source: Source,
-    /// Assumptions made about the robot, a line each.
+    /// Assumptions made about the robot, one line each.
     pub notes: Vec<String>,
-    /// Collision meshes that are not used for contact.
+    /// Collision meshes not used for contact.
     pub meshes: Vec<MeshFile>,
-    /// Shapes of a fixed base, in its frame, which are part of every scene but `free`.
+    /// Shapes of a fixed base, in the base frame; part of every scene except `free`.
     pub base: Vec<Shape>,
-    /// Static objects of its file's world: its scene [`GROUND`].
+    /// Static objects in the world of the robot's file: its scene [`GROUND`].
     pub world: Vec<Collider>,
-    /// Contact laws of its file's geoms.
+    /// Contact laws between geoms of the robot's file.
     pub surfaces: Arc<Surfaces>,
-    /// Largest margin of a contact between them (m).
+    /// Largest contact margin of these laws (m).
     pub(crate) margin: f64,
-    /// Friction of all their contacts, if it was drawn or fitted.
+    /// Friction coefficient of all these contacts, if drawn or fitted.
     pub one_friction: Option<f64>,
-    /// Its actuators and sensors.
+    /// Actuator and sensor model.
     pub motors: Motors,
-    /// Bodies and path of its file: for [`System::visuals`].
+    /// Bodies and path of the robot's file, for [`System::visuals`].
     pub(crate) file: (Arc<Bodies>, Option<PathBuf>),
-    /// Drawn parameters, by [`crate::vary::columns`]; empty for a robot as its files have it.
+    /// Drawn parameters, by [`crate::vary::columns`]; empty for the nominal robot.
     pub drawn: Vec<f64>,
-    /// For each link, the link whose inertia replaces its own in the mass matrix; empty unless a simulator's fault is imitated.
+    /// For each link, the link with the inertia that replaces it in the mass matrix. Empty unless a simulator's fault
+    /// is reproduced.
     pub(crate) stand_ins: Vec<usize>,
     pub(crate) folds: Folds,
 }
 
 impl System {
-    /// Names of the robots that come with the crate; of cables, see [`System::cables`].
+    /// Names of built-in robots; for cables see [`System::cables`].
     pub fn built_in() -> Vec<&'static str> {
         BUILT_IN.iter().map(|b| b.0).collect()
     }
 
-    /// Names of the families of robots that come with the crate, whose numbers are drawn ([`crate::vary`]).
+    /// Names of built-in families of robots with drawn parameters ([`crate::vary`]).
     pub fn families() -> Vec<&'static str> {
         FAMILIES.iter().map(|f| f.0).collect()
     }
 
-    /// Names of the cables that come with the crate. As [`System::built_in`], they can be used wherever a robot is named.
+    /// Names of built-in cables, usable wherever a robot is named.
     pub fn cables() -> Vec<&'static str> {
         CABLES.iter().map(|c| c.0).collect()
     }
@@ -134,45 +138,47 @@ impl System {
         BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
     }
 
-    /// Working memory for its robot's dynamics.
+    /// Working memory for dynamics of this robot.
     pub fn data(&self) -> Data {
         let mut data = Data::new(&self.robot);
         data.stand_ins.clone_from(&self.stand_ins);
         data
     }
 
-    /// Whether a force acts on it that no explicit step supports: dry friction, a spring, contact of its own links.
+    /// Whether a force acts on the robot that explicit integrators do not support: dry friction, a joint spring,
+    /// self-collision.
     pub fn held(&self) -> bool {
         self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }
 
-    /// Whether a policy's observations of its robots are noisy or delayed.
+    /// Whether a policy's observations are noisy or delayed.
     pub fn sensed(&self) -> bool {
         self.noisy() || self.spec.vary.as_ref().is_some_and(|vary| vary.lag.is_some())
     }
 
-    /// Whether its robots are pushed.
+    /// Whether episodes have pushes.
     pub fn pushed(&self) -> bool {
         self.spec.vary.as_ref().is_some_and(|vary| vary.push.is_some())
     }
 
-    /// Whether sensors of its robots have noise.
+    /// Whether sensors have noise.
     pub fn noisy(&self) -> bool {
         self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)
     }
 
-    /// Its specification as TOML: with `urdf = ...` it can be put beside the file and edited.
+    /// The specification as TOML: with `urdf = ...` it can be put beside the robot's file and edited.
     pub fn spec_text(&self) -> String {
         if self.source != Source::Cable {
             return toml::to_string(&self.spec).unwrap_or_default();
         }
-        // Besides `[cable]` only the keys that apply to a cable.
+        // Besides `[cable]`, only keys that apply to a cable.
         let mut keys = Table::try_from(&self.spec).unwrap_or_default();
         keys.retain(|key, _| FOREIGN.iter().all(|(foreign, _)| *foreign != key));
         toml::to_string(&keys).unwrap_or_default()
     }
 
-    /// Refuses a system that differs from this one in more than numbers: a batch may hold both.
+    /// Refuses a system that cannot share a batch with this one: only parameters may differ, not links, joints or frame
+    /// time.
     pub fn alike(&self, other: &Self) -> Result<(), String> {
         let (mine, its) = (&self.robot, &other.robot);
         let built = |robot: &Robot| -> Vec<_> {
@@ -191,7 +197,7 @@ impl System {
         Ok(())
     }
 
-    /// The default state `[q, qd]`, at rest; by default the root is upright at the origin.
+    /// The default state `[q, qd]` with zero velocities; a root is by default upright at the origin.
     pub fn default_state(&self) -> Vec<f64> {
         let mut state = self.robot.zero_state();
         if let Some(root) = &self.spec.root {
@@ -199,18 +205,18 @@ impl System {
             state[3..7].copy_from_slice(&root.quaternion);
         }
         for (q, joint) in state[self.robot.root_coords()..].iter_mut().zip(self.joint_specs()) {
-            *q = joint.default;
+            *q = joint.default_q;
         }
         state
     }
 
-    /// The specification of each joint, in the order of the coordinates.
+    /// Specification of each joint, in the order of the coordinates.
     pub fn joint_specs(&self) -> impl Iterator<Item = &JointSpec> {
         self.spec.joints.iter()
     }
 
-    /// Largest torque (N m or N) of the position law at a joint: infinite without `clamp`.
-    pub fn most(&self, joint: usize) -> f64 {
+    /// Torque limit (N m or N) of the position law at a joint: infinite without `clamp`.
+    pub fn torque_limit(&self, joint: usize) -> f64 {
         let clamped = self.spec.control.is_some_and(|law| law.clamp);
         self.spec.joints.get(joint).filter(|_| clamped).map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
     }
@@ -220,8 +226,8 @@ impl System {
         self.joint_specs().map(|j| j.torque).collect()
     }
 
-    /// The same with a rotor at each joint without armature, sized by the joint's motor, as for a joint without any other inertia. No URDF
-    /// has rotors, and light links without them need short steps. The armatures of an MJCF are kept.
+    /// The system with a rotor inertia at each joint without armature, sized by the joint's motor. URDF has no rotors,
+    /// and light links without rotors need short steps. Armatures of an MJCF stay unchanged.
     pub fn with_rotors(mut self) -> Self {
         if !self.surfaces.is_empty() {
             return self;
@@ -233,10 +239,10 @@ impl System {
         self
     }
 
-    /// The same with another frame time (s), or other substeps.
+    /// The system with another frame time (s) or number of substeps.
     ///
     /// # Errors
-    /// If one is out of its range.
+    /// If a value is out of range.
     pub fn paced(&self, frame_time: Option<f64>, substeps: Option<usize>) -> Result<Self, SystemError> {
         let mut own = self.clone();
         own.spec.frame_time = frame_time.map_or(own.spec.frame_time, |time| time.to_string());
@@ -246,10 +252,10 @@ impl System {
         Ok(own)
     }
 
-    /// The same with a further scene `terrain`: ground of this kind, and nothing on it.
+    /// The system with an added scene `terrain`: ground of this kind, with nothing on it.
     ///
     /// # Errors
-    /// If a number of it is out of its range.
+    /// If a number of `terrain` is out of range.
     pub fn with_terrain(mut self, terrain: TerrainSpec) -> Result<Self, SystemError> {
         let plane = PlaneSpec { height: 0.0, angles: [0.0; 3] };
         self.spec.scenes.retain(|scene| scene.name != TERRAIN);
@@ -264,7 +270,7 @@ impl System {
         Vector3::from(self.spec.gravity)
     }
 
-    /// Names of all scenes: the robot's own, and [`WORLDS`] if it has contact points.
+    /// Names of all scenes: the robot's own, and [`WORLDS`] if the robot has contact points.
     pub fn all_scenes(&self) -> Vec<&str> {
         let worlds = WORLDS.into_iter().filter(|_| !self.robot.contact_points.is_empty());
         self.scene_names().into_iter().chain(worlds).collect()
@@ -277,12 +283,12 @@ impl System {
         std::iter::once("free").chain(base).chain(own.then_some(GROUND)).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
     }
 
-    /// Scenes for evaluation: the training data's if it is one of the robot's, else all of the robot's.
+    /// Scenes for evaluation: the scene of the training data if set, else all of the robot's own.
     pub fn usual_scenes(&self) -> Vec<&str> {
         self.spec.data_scene.as_deref().map_or_else(|| self.scene_names(), |scene| vec![scene])
     }
 
-    /// A scene by name: `free` is empty space, `base` the fixed base of a robot whose file gives it shapes, then the robot's own scenes,
+    /// A scene by name. `free` is empty space, `base` the shapes of a fixed base; then come the robot's own scenes,
     /// then [`WORLDS`] with the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());

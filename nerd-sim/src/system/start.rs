@@ -1,4 +1,4 @@
-//! Starts, drawn from the boxes of a specification.
+//! Draws starts from the ranges of a specification.
 
 use nalgebra::Unit;
 use nerd_core::state::wrap_state;
@@ -7,17 +7,17 @@ use super::spec::{RootSpec, RootStart};
 use crate::scene::GROUND;
 use crate::{internal::*, random::direction};
 
-/// Which of a system's two boxes a start is drawn from.
+/// The two sets of ranges of starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
-    /// Training data.
+    /// Starts of training data.
     Sample,
-    /// Evaluation (and tasks).
+    /// Starts of evaluation and of tasks.
     Reset,
 }
 
 impl Start {
-    /// Its name in a specification.
+    /// Key in a specification.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sample => "sample",
@@ -26,14 +26,15 @@ impl Start {
     }
 }
 
-/// Draws after which a specification is refused as too strict.
+/// Number of draws after which a specification is refused as too strict.
 pub(crate) const DRAWS: usize = 10_000;
 
-/// Depth (m) beyond which an overlap is noted.
+/// Penetration (m) beyond which an overlap is reported.
 const DEEP: f64 = 1e-3;
 
-/// The first of [`DRAWS`] starts that is as clear of the data's scene as the specification requires. A robot on a fixed base must not be
-/// inside of the scene, or no deeper inside its file's static objects than in its default pose.
+/// The first of [`DRAWS`] starts with the clearance from the data's scene that the specification requires. A robot on a
+/// fixed base must not start inside the scene. Inside static objects of its file, it may start no deeper than in its
+/// default pose.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
@@ -44,7 +45,7 @@ pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> 
     })
 }
 
-/// Least distance (m) of each contact point from the data's scene at a start, where one is required.
+/// Least distance (m) of each contact point from the data's scene at a start; `None` where there is no requirement.
 pub(crate) fn least_clearance(system: &System, which: Start) -> Option<Vec<f64>> {
     let points = &system.robot.contact_points;
     match &system.spec.root {
@@ -63,7 +64,7 @@ pub(crate) fn least_clearance(system: &System, which: Start) -> Option<Vec<f64>>
     }
 }
 
-/// The overlaps of a robot on a fixed base with its file's ground in the default pose, in a line.
+/// Reports, in one line, the deepest overlap of a robot on a fixed base with its file's ground in the default pose.
 pub(crate) fn overlaps(system: &System) -> Option<String> {
     let scene = system.scene(GROUND).ok().filter(|_| !system.robot.floating())?;
     let (mut events, robot) = (Vec::new(), &system.robot);
@@ -88,7 +89,7 @@ pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64
     if let Some(root) = &system.spec.root {
         let laws = laws(root, which);
         let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));
-        let (p, w, v) = (vector(&laws.position), vector(&laws.angular), vector(&laws.linear));
+        let (p, w, v) = (vector(&laws.position), vector(&laws.ang_vel), vector(&laws.velocity));
         let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(direction(rng)), laws.tilt.draw(rng));
         let pose = quaternion(&root.quaternion) * turn;
         state[..3].copy_from_slice(p.as_slice());

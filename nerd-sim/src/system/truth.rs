@@ -1,10 +1,10 @@
-//! The solvers that models learn from. A model's card names its solver with settings, since the same engine at other settings is another
-//! motion.
+//! The solvers that models learn from. A model card names solver and settings, since the same engine with other
+//! settings gives another motion.
 
 use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
 
-/// The solver that a model learns and is compared with.
+/// The solver that a model learns from and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
@@ -12,29 +12,30 @@ pub enum Truth {
     /// `articulated`, preset `accurate`: implicit contact, with the robot's number of substeps.
     #[default]
     Articulated,
-    /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method. For robots `NAME-paper`, which have its materials
-    /// and substeps.
+    /// `articulated`, preset `paper`, Coulomb friction: the method of the reference simulator. For robots `NAME-paper`,
+    /// with the reference's materials and substeps.
     Paper,
-    /// rapier's multibodies, 4 steps of 4 iterations a frame, in a floating robot's own axes.
+    /// rapier's multibodies, 4 steps of 4 iterations per frame, in a floating robot's own axes.
     #[cfg(feature = "rapier")]
     Rapier,
 }
 
-/// rapier as a truth: contacts found 240 times a second at 60 frames, with its default of 4 iterations, as is usual. More steps give
-/// another motion, not a better one: 8 steps differ from 4 as much as 16 from 8 on the Ant. A model also learns its faults (a fast tip
-/// sinks 29 mm into the ground, `nerd-sim/tests/solvers/rapier.rs`; `results/stability`). A new world every frame, in the axes of a
-/// floating root, makes the next state a function of this one, as for every truth: no warm start, no influence of other trajectories or of
-/// the heading.
+/// Steps per frame of rapier as a truth: contacts are found 240 times a second at 60 frames, with rapier's default of 4
+/// iterations. More steps change the motion without converging: on the Ant, 8 steps differ from 4 as much as 16 from 8.
+/// A model also learns rapier's faults, such as a fast tip sinking 29 mm into the ground
+/// (`nerd-sim/tests/solvers/rapier.rs`; `results/stability`). A new world every frame, in the axes of a floating root,
+/// makes the next state a function of the state alone. There is no warm start and no influence of other trajectories or
+/// of the heading.
 #[cfg(feature = "rapier")]
 pub(crate) const STEPS: usize = 4;
 #[cfg(feature = "rapier")]
 pub(crate) const ITERATIONS: usize = 4;
 
-/// Prefix of a truth that is recorded motion, followed by the name of its log. No solver has it.
+/// Prefix of the name of a truth that is recorded motion; the name of its log follows. No solver steps it.
 pub const RECORDED: &str = "recorded ";
 
 impl Truth {
-    /// All of them.
+    /// All truths.
     pub const ALL: &[Self] = &[
         Self::Articulated,
         Self::Paper,
@@ -42,7 +43,7 @@ impl Truth {
         Self::Rapier,
     ];
 
-    /// Name on cards and in shards.
+    /// Name on model cards and in shards.
     pub fn name(self) -> String {
         match self {
             Self::Articulated => "articulated accurate".into(),
@@ -52,7 +53,7 @@ impl Truth {
         }
     }
 
-    /// The one of that name.
+    /// The truth with this name.
     pub fn named(name: &str) -> Result<Self, String> {
         if let Some(log) = name.strip_prefix(RECORDED) {
             return Err(format!(
@@ -64,7 +65,7 @@ impl Truth {
         found.ok_or_else(|| format!("no truth is called `{name}`; choose from {}", known()))
     }
 
-    /// Refuses a robot that the solver cannot step; `folds` tells whether the robot's links touch each other.
+    /// Refuses a robot that the solver cannot step; `folds`: whether the robot has self-collision.
     pub fn check(self, robot: &Robot, folds: bool) -> Result<(), String> {
         if self != Self::Articulated && folds {
             return Err("self_collision is what `articulated` alone can step; take it, or leave self_collision out".into());

@@ -1,27 +1,28 @@
-//! Validation of a specification: ranges with their units, names, and consistency with the robot. A valid one can be simulated and sampled.
+//! Validates a specification: ranges with their units, names, and consistency with the robot. A valid specification can
+//! be simulated and sampled.
 //!
-//! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
+//! Bounds lie far beyond any robot, but low enough that products of a few such numbers are finite.
 
 use std::collections::HashSet;
 
 use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart};
 use crate::{internal::*, scene::WORLDS};
 
-/// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
+/// Maximum number of substeps per frame: a robot with ten joints takes a tenth of a second for them.
 pub(crate) const MOST_SUBSTEPS: usize = 100_000;
-/// Farthest position (m).
+/// Largest position (m).
 const FAR: f64 = 1e7;
-/// Largest angle, length of a joint, radius (rad or m).
+/// Largest angle (rad), length at a joint or radius (m).
 const WIDE: f64 = 1e6;
-/// Largest speed (rad/s or m/s).
+/// Largest velocity (rad/s or m/s).
 const FAST: f64 = 1e6;
-/// Largest force, stiffness or damping in its unit.
+/// Largest force, stiffness or damping, in SI units.
 const STRONG: f64 = 1e9;
 const MOST_VERTICES: usize = 10_000;
-/// Columns of the tables of trajectories that no coordinate may be called.
+/// Columns of trajectory tables that no coordinate may be named after.
 pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
 
-/// Checks a specification of `robot`; an error names the key, its value and the requirement.
+/// Checks a specification for `robot`; an error names key, value and requirement.
 pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     within(format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
     within("substeps", spec.substeps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
@@ -81,7 +82,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
         law("random_pegs.radius", &pegs.radius, 1e-6..=WIDE, "m")?;
         within("random_pegs.height", pegs.height, 1e-6..=WIDE, "m")?;
-        laws("random_pegs.at", &pegs.at, FAR, "m")?;
+        laws("random_pegs.position", &pegs.position, FAR, "m")?;
     }
     if let Some(pace) = &spec.smooth {
         law("smooth", pace, 0.0..=1e6, "s")?;
@@ -101,7 +102,7 @@ fn laws(key: &str, ranges: &[Range], most: f64, unit: &str) -> Result<(), String
     ranges.iter().enumerate().try_for_each(|(i, range)| law(&format!("{key}[{i}]"), range, -most..=most, unit))
 }
 
-/// Every joint of the robot has one entry, in any order.
+/// Checks that every joint of the robot has one entry, in any order, and each entry.
 fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
     let mut seen = HashSet::new();
@@ -112,12 +113,12 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
-        // A pose may exceed a limit slightly, as files round it.
-        let beyond = |limit: &Limit| joint.default < limit.lower - 1.0 || joint.default > limit.upper + 1.0;
+        // A default pose may exceed a limit slightly, since files round it.
+        let beyond = |limit: &Limit| joint.default_q < limit.lower - 1.0 || joint.default_q > limit.upper + 1.0;
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
             let (low, high, name) = (limit.lower, limit.upper, &joint.name);
-            let default = joint.default;
-            return Err(format!("[[joint]] name = {name:?}: default is {default}, its limits are {low} to {high}; angles are in rad"));
+            let default_q = joint.default_q;
+            return Err(format!("[[joint]] name = {name:?}: default_q is {default_q}, its limits are {low} to {high}; angles are in rad"));
         }
         if joint.limit.is_some() && modelled.is_some_and(|j| j.limit.is_none()) {
             return Err(format!("[[joint]] name = {:?}: limit, but the URDF has none to give stiffness to", joint.name));
@@ -129,13 +130,13 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     }
 }
 
-/// One joint's entry; `earlier` are the joints before it.
+/// Checks one joint's entry; `earlier` names the joints before it.
 fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String> {
     let at = |key: &str| format!("[[joint]] name = {:?}: {key}", joint.name);
     let unit = |turning, sliding| if slides { sliding } else { turning };
     let (place, speed, force) = (unit("rad", "m"), unit("rad/s", "m/s"), unit("N m", "N"));
     let (stiffness, damping) = (unit("N m/rad", "N/m"), unit("N m s/rad", "N s/m"));
-    within(at("default"), joint.default, -WIDE..=WIDE, place)?;
+    within(at("default_q"), joint.default_q, -WIDE..=WIDE, place)?;
     within(at("rest"), joint.rest, -WIDE..=WIDE, place)?;
     for (key, x, most, unit) in [
         ("armature", Some(joint.armature), 1e6, unit("kg m^2", "kg")),
@@ -178,15 +179,15 @@ fn root(root: &RootSpec, has_scene: bool) -> Result<(), String> {
 fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> {
     let at = |key: &str| format!("{table} {key}");
     laws(&at("position"), &start.position, FAR, "m")?;
-    laws(&at("angular"), &start.angular, FAST, "rad/s")?;
-    laws(&at("linear"), &start.linear, FAST, "m/s")?;
+    laws(&at("ang_vel"), &start.ang_vel, FAST, "rad/s")?;
+    laws(&at("velocity"), &start.velocity, FAST, "m/s")?;
     law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
     let Some(clearance) = start.clearance else { return Ok(()) };
     within(at("clearance"), clearance, 0.0..=FAR, "m")?;
     if has_scene { Ok(()) } else { Err(at("has a clearance, but there is no data_scene")) }
 }
 
-/// Whether a name may be part of a file's name and of a list between commas.
+/// Whether a name may be part of a file name and of a comma-separated list.
 fn plain(name: &str) -> bool {
     name.starts_with(char::is_alphanumeric) && name.chars().all(|c| c.is_alphanumeric() || "-_.".contains(c))
 }
@@ -211,13 +212,13 @@ fn scenes(spec: &Spec) -> Result<(), String> {
         }
         for b in &scene.boxes {
             b.size.iter().enumerate().try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
-            vector(&at("box.at"), &b.at, FAR, "m")?;
-            within(at("box.turn"), b.turn, -WIDE..=WIDE, "rad")?;
+            vector(&at("box.position"), &b.position, FAR, "m")?;
+            within(at("box.yaw"), b.yaw, -WIDE..=WIDE, "rad")?;
         }
         for peg in &scene.pegs {
             within(at("peg.radius"), peg.radius, 1e-6..=WIDE, "m")?;
             within(at("peg.height"), peg.height, 1e-6..=WIDE, "m")?;
-            vector(&at("peg.at"), &peg.at, FAR, "m")?;
+            vector(&at("peg.position"), &peg.position, FAR, "m")?;
         }
         if let Some(m) = &scene.material {
             m.check().map_err(|e| at(&format!("material: {e}")))?;
@@ -226,7 +227,8 @@ fn scenes(spec: &Spec) -> Result<(), String> {
     Ok(())
 }
 
-/// Columns are identified by name, and torques by names that begin with `tau` where a file has other ones.
+/// Checks names of table columns. Names that begin with `tau` are reserved for torques, so that a wrong torque column
+/// is detected.
 fn columns(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let mut seen = HashSet::new();
     for (key, names, wanted) in

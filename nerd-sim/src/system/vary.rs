@@ -1,67 +1,72 @@
-//! `[vary]` of a robot's TOML: differences between environments. [`crate::vary`] draws them.
+//! `[vary]` of a robot's TOML: parameters that differ between environments. [`crate::vary`] draws them.
 
 use super::motors::LATEST;
 use crate::internal::*;
 
-/// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. Numbers without a range are unchanged.
+/// `[vary]`: ranges of a robot's parameters, drawn once per environment or trajectory. Parameters without a range stay
+/// nominal.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VarySpec {
-    /// Factor on the mass of each link, and on its inertia with it.
+    /// Factor on the mass and inertia of each link.
     pub mass: Option<Range>,
-    /// Factor on the inertia of each link about its centre of mass.
+    /// Additional factor on the inertia of each link about its centre of mass.
     pub inertia: Option<Range>,
-    /// Shift of each link's centre of mass along each axis of the link (m).
+    /// Shift of each link's centre of mass along each link axis (m).
     pub com: Option<Range>,
     /// Friction coefficient, of robot and scene alike.
     pub friction: Option<Range>,
-    /// Factor on the stiffness and the damping of contact, of robot and scene alike.
+    /// Factor on stiffness and damping of contact, of robot and scene alike.
     pub stiffness: Option<Range>,
-    /// Factor on the damping of contact alone: how far the robot bounces.
+    /// Additional factor on the damping of contact, which sets the restitution.
     pub contact_damping: Option<Range>,
-    /// Size of gravity (m/s^2).
+    /// Magnitude of gravity (m/s^2).
     pub gravity: Option<Range>,
-    /// Factor on each joint's kp and kd, of drives and of tasks. In data with random gains (`control.data`) it applies where a trajectory
-    /// is held, not driven.
+    /// Factor on each joint's kp and kd, of drives and of tasks. In data with random gains (`control.data`), only
+    /// trajectories held by drives are affected.
     pub gain: Option<Range>,
     /// Factor on each joint's damping and dry friction.
     pub joint_damping: Option<Range>,
-    /// Drive inertia added at each joint (kg m^2 or kg).
+    /// Rotor inertia added at each joint (kg m^2 or kg).
     pub armature: Option<Range>,
     /// Damping added at each joint (N m s/rad or N s/m).
     pub damping: Option<Range>,
     /// Dry friction added at each joint (N m or N).
     pub dry_friction: Option<Range>,
-    /// Factor on the torque of each joint. This and the following ranges are for the actuator and sensor model, which [`crate::rig`] steps.
+    /// Factor on the torque of each joint. This and the following ranges belong to the actuator and sensor model, which
+    /// [`crate::rig`] steps.
     pub strength: Option<Range>,
-    /// Delay of torques (frames), from 0 to 2.
+    /// Delay of torques (frames), 0 to 2.
     pub delay: Option<Range>,
-    /// Position of each joint where its sensor shows 0 (rad or m).
+    /// Position of each joint where its sensor reads 0 (rad or m).
     pub zero: Option<Range>,
-    /// Speed at which the torque of each joint's motor has fallen to nothing (rad/s or m/s), from [`super::JointSpec::most`] at rest.
+    /// No-load speed of each joint's motor (rad/s or m/s). Its torque falls linearly to zero from
+    /// [`super::JointSpec::torque_limit`] at zero velocity.
     pub top_speed: Option<Range>,
-    /// Size of each joint's torque ripple (N m or N): no analytic solver models it, and no model is conditioned on it.
+    /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no model is
+    /// conditioned on it.
     pub ripple: Option<Range>,
-    /// Standard deviation of each joint sensor's white noise (rad or m): on its position, and divided by the frame time on its velocity.
-    /// Recordings ([`crate::dataset::Recording::shown`]) and observations have it; no solver steps it.
+    /// Standard deviation of each joint sensor's white noise (rad or m): on position, and divided by the frame time on
+    /// velocity. Recordings ([`crate::dataset::Recording::shown`]) and observations have noise; no solver steps it.
     pub noise: Option<Range>,
-    /// The same for the measured position of a free root (m).
+    /// Standard deviation of noise on the measured position of a free root (m).
     pub root_noise: Option<Range>,
-    /// The same for its orientation (rad).
-    pub turn_noise: Option<Range>,
-    /// Delay of observations in whole frames, from 0 to 2: a drawn number is rounded.
+    /// Standard deviation of noise on its measured orientation (rad).
+    pub orientation_noise: Option<Range>,
+    /// Delay of observations in whole frames, 0 to 2: a drawn number is rounded.
     pub lag: Option<Range>,
-    /// Sizes of pushes, which change the velocity of a free root (m/s) at once, each in a level direction of its own; in episodes alone.
+    /// Pushes: instantaneous changes of the velocity of a free root (m/s), each in a random horizontal direction.
+    /// Episodes only.
     pub push: Option<Range>,
     /// Time from one push to the next (s).
     pub push_every: Option<f64>,
 }
 
-/// Bounds on a factor.
+/// Bounds of a factor.
 const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
-    /// The ranges by key, with their bounds.
+    /// Each range with its key, bounds and unit.
     fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 22] {
         [
             ("mass", self.mass, FACTOR, ""),
@@ -83,13 +88,13 @@ impl VarySpec {
             ("ripple", self.ripple, 0.0..=1e6, ""),
             ("noise", self.noise, 0.0..=1e3, ""),
             ("root_noise", self.root_noise, 0.0..=1e3, "m"),
-            ("turn_noise", self.turn_noise, 0.0..=1e3, "rad"),
+            ("orientation_noise", self.orientation_noise, 0.0..=1e3, "rad"),
             ("lag", self.lag, 0.0..=LATEST, "frames"),
             ("push", self.push, 0.0..=1e3, "m/s"),
         ]
     }
 
-    /// In words.
+    /// The ranges as text.
     pub fn title(&self) -> String {
         let ranges =
             self.ranges().into_iter().filter_map(|(key, range, _, unit)| Some(format!("{key} {} {unit}", range?).trim_end().to_string()));
@@ -97,10 +102,10 @@ impl VarySpec {
     }
 
     pub(crate) fn noisy(&self) -> bool {
-        [self.noise, self.root_noise, self.turn_noise].iter().any(Option::is_some)
+        [self.noise, self.root_noise, self.orientation_noise].iter().any(Option::is_some)
     }
 
-    /// Whether motors or sensors differ.
+    /// Whether actuators or sensor zeros differ between robots, which needs [`crate::rig`].
     pub fn rigged(&self) -> bool {
         [self.strength, self.delay, self.zero, self.top_speed, self.ripple].iter().any(Option::is_some)
     }

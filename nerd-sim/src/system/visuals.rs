@@ -1,23 +1,23 @@
-//! Visual shapes of a robot: of each link of its file the visual shapes, or its collision shapes; for a mesh a convex hull with few
-//! vertices. They do not affect motion, so unreadable ones are left out.
+//! Visual shapes of a robot: for each link of its file the visual shapes, else the collision shapes; a mesh becomes a
+//! convex hull with few vertices. Visual shapes do not affect motion, so unreadable ones are left out.
 
 use nerd_core::robot::{Form, Shape, Solid};
 
 use super::derive::vertices;
-use super::mesh::hull::{faces, few};
+use super::mesh::hull::{bounds, faces, few};
 use crate::internal::*;
 
-/// Largest loss of a hull's support against its mesh, relative to its size.
+/// Largest loss of a hull's support function against its mesh, relative to the mesh's size.
 const COARSE: f64 = 0.02;
 
 /// A visual shape.
 #[derive(Clone, Debug)]
 pub struct Visual {
-    /// The moving link that carries it; none for the base's.
+    /// The moving link that carries the shape; `None` for the base.
     pub link: Option<usize>,
-    /// In its axes, or the world's.
+    /// Pose in the link frame, or in the world for the base.
     pub pose: Isometry3<f64>,
-    /// Its form and size.
+    /// Form and size.
     pub geometry: Geometry,
 }
 
@@ -26,12 +26,13 @@ pub struct Visual {
 pub enum Geometry {
     /// A primitive.
     Shape(ShapeKind),
-    /// Corners (m) and triangles, seen from outside against the clock.
+    /// Vertices (m) and triangles, counter-clockwise seen from outside.
     Hull(Vec<Vector3<f64>>, Vec<[u32; 3]>),
 }
 
 impl System {
-    /// Its visual shapes; a file's meshes are read anew. Primitives of a fixed base are in its scenes.
+    /// Visual shapes of the robot; meshes are read from their files again. Primitives of a fixed base are left out:
+    /// scenes have them.
     pub fn visuals(&self) -> Vec<Visual> {
         let (file, path) = &self.file;
         if file.bodies.is_empty() {
@@ -77,7 +78,7 @@ fn geometry(form: &Form, path: Option<&Path>, known: &mut Known) -> Option<Geome
 }
 
 fn hulled(all: &[Vector3<f64>]) -> Option<Geometry> {
-    let [low, high] = all.iter().fold([*all.first()?; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
+    let [low, high] = bounds(all)?;
     let (corners, triangles) = faces(&few(all, |_| f64::NEG_INFINITY, COARSE * (high - low).amax()))?;
     Some(Geometry::Hull(corners, triangles))
 }

@@ -1,4 +1,4 @@
-//! The world of a robot's file, and the softness of its contacts.
+//! Static objects in the world of a robot's file, and the softness of its contacts.
 
 use nerd_core::robot::Form;
 use parry3d_f64::shape::SharedShape;
@@ -9,18 +9,18 @@ use super::mjcf::{Description, Static};
 use crate::internal::*;
 use crate::scene::{PairLaw, Softness, Surfaces, to_parry, up};
 
-/// Static objects of a file's world, and contact laws of its geoms.
+/// Static objects in the world of a file, and contact laws of its geoms.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct World {
     pub colliders: Vec<Collider>,
     pub surfaces: Surfaces,
 }
 
-/// Share of a robot's extent: contact points up to this height above the lowest one carry weight.
+/// Height above the lowest contact point, as a share of the robot's extent, up to which contact points carry weight.
 const LEVEL: f64 = 0.02;
 
 impl World {
-    /// The world of a file at `path`; a mesh that cannot be read is left out, with a note.
+    /// The world of a file at `path`; an unreadable mesh is left out, with a note.
     pub fn of(file: &Description, path: Option<&Path>, notes: &mut Vec<String>) -> Self {
         let material = Material::default();
         let mut colliders = Vec::new();
@@ -57,8 +57,8 @@ impl World {
     }
 }
 
-/// Sets the stiffness and damping of a robot's contacts from its file, as multiples of its `material`'s: a point that carries its share of
-/// the weight at the state rests as deep as in MuJoCo.
+/// Sets stiffness and damping of a robot's contacts from its file, as multiples of the values of `material`. A contact
+/// point that carries its share of the weight at `state` then has the same penetration as in MuJoCo.
 pub(super) fn soften(
     surfaces: &mut Surfaces,
     robot: &Robot,
@@ -90,15 +90,16 @@ pub(super) fn soften(
     Ok(())
 }
 
-/// Softening of a contact by MuJoCo's friction pyramid, as a factor on its inverse inertia.
+/// Softening by MuJoCo's pyramidal friction cone, as a factor on the inverse inertia of a contact.
 fn pyramid(law: &PairLaw, elliptic: bool, impratio: f64) -> f64 {
     let square = law.friction.max(1e-5).powi(2);
     if elliptic || law.condim == 1 { 1.0 } else { square * (1.0 + square) / ((law.condim - 1) as f64 * impratio) }
 }
 
-/// Stiffness (N/m) and damping (N s/m) of a contact with this inverse inertia (1/kg) at rest under a load (N).
+/// Stiffness (N/m) and damping (N s/m) of a contact with inverse inertia A = `inverse` (1/kg), at rest under a load
+/// (N).
 ///
-/// At a depth r MuJoCo's contact has the impedance d(r) and pushes with `(b v + k d r) d / ((1 - d) A)`.
+/// At penetration r, MuJoCo's contact has the impedance d(r) and the force `(b v + k d r) d / ((1 - d) A)`.
 fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] {
     let [d0, wide, width, middle, power] = softness.solimp;
     let bound = |x: f64| x.clamp(1e-4, 0.9999);
@@ -121,7 +122,7 @@ fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] 
     };
     let share = |depth: f64| impedance(depth) / ((1.0 - impedance(depth)) * inverse);
     let stiffness = |depth: f64| k * impedance(depth) * share(depth);
-    // The depth at which it carries the load, by bisection: the force rises with depth.
+    // Penetration under the load, by bisection: the force increases with penetration.
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
         let depth = 0.5 * (low + high);
@@ -130,7 +131,7 @@ fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] 
     [stiffness(high), b * share(high)]
 }
 
-/// By link, the mean over directions of `J M^-1 J^T` at its centre of mass, at zero coordinates (1/kg).
+/// For each link, the mean over directions of `J M^-1 J^T` at its centre of mass, at zero coordinates (1/kg).
 pub(crate) fn inverse_weights(robot: &Robot) -> Result<Vec<f64>, String> {
     let (mut data, mut factor, state) = (Data::new(robot), Factor::new(robot), robot.zero_state());
     kinematics(robot, &state[..robot.nq()], &mut data);

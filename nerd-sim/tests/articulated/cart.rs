@@ -1,6 +1,7 @@
-//! A cart on four wheels keeps its speed and its height. The stability suite covers a single wheel, a coin, a can and a ball.
+//! A cart on four wheels keeps its speed and height. The stability suite covers a single wheel, a coin, a can and a
+//! ball.
 
-use nerd_sim::suite::bodies::{Body, UPRIGHT};
+use nerd_suite::bodies::{Body, UPRIGHT};
 
 use super::common::*;
 
@@ -21,11 +22,11 @@ fn a_cart_keeps_its_speed_and_height() {
     let start = [&start[..7], &[0.0; 4], &start[7..], &[1.0 / height; 4]].concat();
     for substeps in [8, 32] {
         let states = motion(&mut implicit(substeps), at(&system, "plane", &start), 0.0, 360);
-        // A second to settle on its springs.
+        // The cart settles on its contact springs during the first second.
         let [first, last] = [59, 359].map(|frame: usize| &states[frame]).map(|s| (vector(&s[14..]) + vector(&s[11..]).cross(&vector(s))).x);
         let what = format!("{substeps} substeps: {first:.6} m/s after 1 s, {last:.6} m/s after 6 s, aside {:.1e} m", states[359][1]);
         assert!((last / first - 1.0).abs() < 1e-5 && (first - 1.0).abs() < 1e-3, "{what}");
-        // However far its wheels have turned.
+        // The wheels are round: the height does not depend on how far they have turned.
         assert!(states.iter().all(|s| (s[2] - height).abs() < 0.01), "{substeps} substeps: not at {height} m");
     }
 }

@@ -1,10 +1,11 @@
-//! Drives inside the substeps: known motions, stability at any gain, efforts, velocities, and solvers that refuse them.
+//! Drives inside the substeps: known motions, stability at any gain, torque and velocity limits, solvers that refuse
+//! them.
 
 use super::common::*;
 
 const INERTIA: f64 = 0.25;
 
-/// A rod of 1 kg about a vertical hinge: no gravity along it.
+/// A rod of 1 kg on a vertical hinge, so that gravity does no work.
 fn rod(drives: &[Drive]) -> Batch {
     let hinge = r#"<axis xyz="0 0 1"/><limit effort="5" velocity="3" lower="0" upper="0"/>"#;
     let parts = [base(), link("rod", 1.0, [0.0; 3], [INERTIA; 3], ""), joint("hinge", "continuous", ["base", "rod"], hinge)];
@@ -12,12 +13,12 @@ fn rod(drives: &[Drive]) -> Batch {
     Batch { drives: drives.to_vec(), ..batch(&system, "free", 1) }
 }
 
-/// Angle and rate after each frame.
+/// Angle and angular velocity after each frame.
 fn driven(drive: Drive, substeps: usize, frames: usize) -> Vec<Vec<f64>> {
     motion(&mut implicit(substeps), rod(&[drive]), 0.0, frames)
 }
 
-/// `I qdd = -kp q - kd qd` from rest at -0.5 from the target: the damped oscillator's textbook solution.
+/// `I qdd = -kp (q - target) - kd qd` from rest, 0.5 rad below the target: the damped oscillator's textbook solution.
 #[test]
 fn a_soft_drive_is_the_damped_oscillator() {
     let (kp, kd, target) = (4.0, 0.4, 0.5);
@@ -43,7 +44,7 @@ fn any_gain_is_stable_and_comes_to_its_target() {
     }
 }
 
-/// Under its effort alone: `q = tau t^2 / (2 I)` until the largest velocity of the joint, and no faster.
+/// At the torque limit, `q = tau t^2 / (2 I)` until the joint reaches its velocity limit.
 #[test]
 fn effort_and_velocity_are_bounds() {
     let motion = driven(Drive { kp: 1e5, kd: 0.0, target: 1e3, effort: 0.5, ..Drive::default() }, 4, 180);
@@ -68,8 +69,9 @@ fn drives_that_cannot_be_held_are_refused() {
     }
 }
 
-/// A trunk of 10 kg on a foot of 50 g, pressed down by a slide whose law brakes it within a frame. As a servo it rests `m g / kp` below its
-/// target. Under a law held over the frame, which does not react to the ground, it sinks.
+/// A trunk of 10 kg stands on a foot of 50 g through a slide. Its PD law is stiff enough to stop the trunk within a
+/// frame. As a drive inside the substeps (`servo`), the law lets the trunk sink by `m g / kp`. Held constant over the
+/// frame, the force does not react to the ground, and the trunk sinks further.
 #[test]
 fn a_servo_bears_what_a_law_that_is_held_does_not() {
     let inner = r#"<axis xyz="0 0 1"/><limit lower="-0.2" upper="0.2" effort="1000" velocity="10"/>"#;
@@ -94,7 +96,7 @@ fn a_servo_bears_what_a_law_that_is_held_does_not() {
         }
         batch.joint(0, "slide").expect("a joint")[0]
     });
-    // A foot that is pushed down has its trunk above; the slide's coordinate grows as the foot comes nearer to it.
+    // The slide's coordinate grows as the foot approaches the trunk.
     let expected = 10.0 * GRAVITY / 2e4;
     assert!((servo - expected).abs() < 2e-4, "a servo gives way by {servo} m, not m g / kp = {expected}");
     assert!(held > 10.0 * expected, "the law that is held gives way by {held} m: then a servo is not needed");

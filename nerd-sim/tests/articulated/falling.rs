@@ -27,7 +27,7 @@ fn rise(urdf: &str, floating: bool, start: impl Fn(&mut [f64])) -> f64 {
     rise / (first - least)
 }
 
-/// A finger of three joints, each link of 5 g and 1e-5 kg m^2; the last two follow the first where `mimics`.
+/// A finger of three joints, each link of 5 g and 1e-5 kg m^2. With `mimics` the last two joints follow the first.
 fn finger(name: &str, [x, y]: [f64; 2], mimics: bool) -> String {
     let ball = collision([0.04, 0.0, 0.0], r#"<sphere radius="0.006"/>"#);
     let mut parts = String::new();
@@ -44,14 +44,14 @@ fn finger(name: &str, [x, y]: [f64; 2], mimics: bool) -> String {
     parts
 }
 
-/// 71 kg on four such fingers, on which it falls.
+/// A body of 71 kg that falls on four such fingers.
 fn hands(mimics: bool) -> String {
     let body = link("body", 71.0, [0.0; 3], [2.0, 2.5, 1.5], &collision([0.0; 3], r#"<box size="0.5 0.4 0.2"/>"#));
     let fingers = [[0.2, 0.15], [0.2, -0.15], [-0.2, 0.15], [-0.2, -0.15]].into_iter().enumerate();
     urdf(&[vec![body], fingers.map(|(k, at)| finger(&format!("f{k}"), at, mimics)).collect()].concat())
 }
 
-/// An arm of two links of a kilogram and, at its end, two of a gram, which whip.
+/// Two links of 1 kg in a row, then two of 1 g, which whip.
 fn arm(limits: bool) -> String {
     let mut parts = vec![base()];
     for (k, mass) in [1.0, 1.0, 1e-3, 1e-3].into_iter().enumerate() {
@@ -61,7 +61,7 @@ fn arm(limits: bool) -> String {
         parts.push(link(&own, mass, [0.125, 0.0, 0.0], [inertia; 3], &collision([0.25, 0.0, 0.0], r#"<sphere radius="0.02"/>"#)));
         let limit = if limits { r#"<limit lower="-0.6" upper="0.6" effort="500" velocity="10"/>"# } else { "" };
         let kind = if limits { "revolute" } else { "continuous" };
-        // The heavy ones come to rest.
+        // Damping brings the heavy links to rest.
         let damped = if k < 2 && !limits { r#"<dynamics damping="0.2"/>"# } else { "" };
         parts.push(joint(
             &format!("{own}j"),

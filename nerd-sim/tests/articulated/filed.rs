@@ -1,13 +1,13 @@
-//! Contact properties of a file: which geoms meet, with what friction and margin, and how deep they rest. Values are theory, or MuJoCo
-//! 4.0's.
+//! Contact properties of an MJCF: which geoms meet, with what friction and margin, and how deep they rest. Expected
+//! values are theory, or MuJoCo 4.0's.
 
 use super::common::*;
 
 const G: f64 = 9.81;
-/// Sliding distance (m) from 1 m/s under a friction of 0.2.
+/// Sliding distance `v^2 / (2 mu g)` (m) from 1 m/s at a friction coefficient of 0.2.
 const SLOW: f64 = 1.0 / (2.0 * 0.2 * G);
 
-/// A crate of 4 kg on a floor, with attributes of each and further elements.
+/// A crate of 4 kg on a floor. `floor` and `side` are attributes of the two geoms, `rest` further elements.
 fn on_floor(floor: &str, side: &str, rest: &str) -> Arc<System> {
     let text = format!(
         r#"<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1" {floor}/><body name="crate" pos="0 0 .1"><freejoint/>
@@ -16,7 +16,7 @@ fn on_floor(floor: &str, side: &str, rest: &str) -> Arc<System> {
     Arc::new(System::from_text("crate", &text, None).unwrap_or_else(|e| panic!("{text}: {e}")))
 }
 
-/// Its x and z after a time (s), starting with 1 m/s along x from its rest pose.
+/// x and z of the crate, `seconds` after it starts in its rest pose with 1 m/s along x.
 fn moved(system: &Arc<System>, seconds: f64) -> [f64; 2] {
     let mut start = system.zero_start();
     start[system.robot.nq() + 3] = 1.0;
@@ -95,7 +95,7 @@ fn bits_excluded_bodies_and_flags_keep_geoms_apart() {
     );
 }
 
-/// Only the lowest of many plates touches, and its friction counts, whatever the others say.
+/// Only the large box touches the ground, so its friction counts; the friction of plates inside the box does not.
 #[test]
 fn each_contact_point_has_the_friction_of_its_own_geom() {
     let plate = r#"friction=".2""#;
@@ -111,19 +111,19 @@ fn each_contact_point_has_the_friction_of_its_own_geom() {
     assert!((x - SLOW).abs() < 0.01, "slides {x} m, not {SLOW}");
 }
 
-/// Margins add, and bodies rest at them; MuJoCo's crate rests at 0.1299 m.
+/// Margins add, and bodies rest at the sum: MuJoCo's crate at 0.1299 m.
 #[test]
 fn margins_add_and_lift() {
     for (floor, side) in [("", r#"margin=".03""#), (r#"margin=".01""#, r#"margin=".02""#)] {
         let system = on_floor(floor, side, "");
-        // 30 mm inside of its margin at the start.
+        // The crate starts 30 mm inside the margin.
         let z = end(&mut implicit(4), at(&system, "ground", &system.zero_start()), 0.0, 120)[2];
         assert!((z - 0.1299).abs() < 5e-4, "{floor} {side}: rests at {z} m, not 0.1299");
     }
 }
 
-/// Contacts are damped both ways: a crate that starts 50 or 90 mm inside of the ground is pushed out, not thrown. MuJoCo's crate rises to
-/// 0.109 and 0.178 m; with damping only while sinking it flew 6 and 19 m high.
+/// Contacts damp approach and separation: a crate that starts 50 or 90 mm inside the ground is pushed out, not thrown.
+/// MuJoCo's crate rises to 0.109 and 0.178 m. With damping only during approach ours flew 6 and 19 m high.
 #[test]
 fn what_starts_inside_of_the_ground_is_not_thrown() {
     let system = on_floor("", "", "");
@@ -144,7 +144,7 @@ fn what_starts_inside_of_the_ground_is_not_thrown() {
     }
 }
 
-/// `0.7 v^2 r / (mu_r g)`, as a ball of condim 6 stops; without it, it rolls on.
+/// A ball of condim 6 stops after `0.7 v^2 r / (mu_r g)`; a ball of condim 3 rolls on.
 #[test]
 fn a_ball_stops_by_the_rolling_friction_of_its_file() {
     let ball = |condim: usize| {
@@ -166,8 +166,8 @@ fn a_ball_stops_by_the_rolling_friction_of_its_file() {
     );
 }
 
-/// A crate of 4 kg on four corners rests as deep as MuJoCo's, 0.1078 mm with its defaults and 0.8603 mm with a time constant of 82 ms,
-/// except for the 0.01 mm radius of our corners.
+/// A crate of 4 kg on four corners rests as deep as MuJoCo's. That is 0.1078 mm with default `solref`, and 0.8603 mm
+/// with a time constant of 82 ms. Our crate rests 0.01 mm higher, the radius of a corner.
 #[test]
 fn a_crate_rests_as_deep_as_the_files_softness_says() {
     let deep = |side: &str| {
@@ -178,7 +178,7 @@ fn a_crate_rests_as_deep_as_the_files_softness_says() {
     assert!((stiff + 0.01 - 0.10776).abs() < 1e-4 && (soft + 0.01 - 0.86026).abs() < 1e-3, "{stiff} and {soft} mm deep");
 }
 
-/// Static objects of a file's world are in its scene, and a TOML's scene beside it does not replace it.
+/// Static geoms of the file's world are in its scene, and a TOML's scene beside it does not replace it.
 #[test]
 fn the_world_of_a_file_is_its_scene() {
     let text = r#"<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="1 0 .5"><geom type="box" size=".2 .2 .5"/></body><body pos="1 0 1.2">

@@ -1,4 +1,4 @@
-//! Self-collision: rest positions by geometry and gravity, momentum conserved to rounding, no gain of energy.
+//! Self-collision: rest positions follow from geometry and gravity, momentum is conserved, energy does not grow.
 
 use super::common::*;
 
@@ -9,7 +9,7 @@ fn folding(name: &str, parts: &[String], more: &str) -> Arc<System> {
     Arc::new(System::from_text(name, &urdf(parts), Some(&toml)).expect("a robot"))
 }
 
-/// A rod of a length along z from its joint, as a capsule.
+/// A rod along z from its joint, as a capsule.
 fn rod(name: &str, mass: f64, length: f64, radius: f64) -> String {
     let (half, i) = (0.5 * length, mass * length * length / 12.0);
     let ends = [0.0, length].map(|z| collision([0.0, 0.0, z], &format!(r#"<sphere radius="{radius}"/>"#))).concat();
@@ -22,8 +22,9 @@ fn hinge(name: &str, links: [&str; 2], at: [f64; 3], axis: &str) -> String {
     joint(name, "continuous", links, &format!(r#"<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/><dynamics damping="0.02"/>"#))
 }
 
-/// A level upper arm, a short post at its end and a forearm on the post, which falls back on the upper arm. Its tip rests two radii above
-/// the axis, less the deflection of a spring of 1e3 N/m under half of its weight, reduced by a torque at its joint.
+/// A horizontal upper arm carries a short post, and a forearm hinged to the post falls back onto the upper arm. The tip
+/// rests two radii above the upper arm's axis, less the contact's deflection F / k at k = 1e3 N/m. F is half the
+/// forearm's weight, less the joint torque over the tip's lever arm.
 #[test]
 fn a_folded_arm_rests_on_itself() {
     let parts = [
@@ -44,17 +45,17 @@ fn a_folded_arm_rests_on_itself() {
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
         (0..900).for_each(|_| solver.step(&mut batch, &[0.0, 0.0, torque]).expect("it can be stepped"));
         let q = batch.state(0)[2];
-        // Positive torque turns it up and away; the lever is the tip's.
+        // A positive torque lifts the forearm; the lever arm is the tip's horizontal distance from the joint.
         let pressed = 0.5 * 0.5 * 9.81 - torque / (0.3 * q.sin().abs());
         let (height, textbook) = (0.15 + 0.3 * q.cos(), 0.04 - if material.is_empty() { 0.0 } else { pressed / 1e3 });
-        // With the default material, as hard as substeps can follow.
+        // The default material is as stiff as the substeps allow; its deflection is within the bound.
         let bound = if material.is_empty() { 5e-4 } else { 4e-5 };
         assert!((height - textbook).abs() < bound, "{torque} N m: tip at {height} m, textbook {textbook}");
         assert!(batch.state(0)[5].abs() < 1e-6, "it is not at rest: {} rad/s", batch.state(0)[5]);
     }
 }
 
-/// A trunk with two arms on skew hinges, thrown so that they clap and rub.
+/// A trunk with two arms on skew hinges, thrown so that the arms clap and rub.
 fn clapper(more: &str) -> Arc<System> {
     let parts = [
         link("trunk", 1.0, [0.0, 0.01, 0.02], [4e-3, 5e-3, 3e-3], &collision([0.0; 3], r#"<box size="0.1 0.1 0.1"/>"#)),
@@ -66,7 +67,7 @@ fn clapper(more: &str) -> Arc<System> {
     folding("clapper", &parts, &format!("floating = true\n{more}"))
 }
 
-/// Distance of two rods' axes (m), at points of the links.
+/// Smallest distance (m) between two rods' axes, given as (link, length), over 61 points of each.
 fn apart(batch: &Batch, links: [(&str, f64); 2]) -> f64 {
     let places = links.map(|(name, length)| {
         let pose = batch.pose(0, name).expect("a link");
@@ -106,7 +107,7 @@ fn a_free_body_that_claps_makes_no_energy() {
             );
             assert!((-0.02..0.002).contains(&nearest), "they meet, and stop: {nearest} m");
             assert!(rise < 1e-4 * first.kinetic, "energy rises by {rise} J");
-            // An error of the step: while a contact lasts several substeps, it is of first order in them.
+            // While a contact lasts several substeps, the momentum error is of first order in the substep.
             assert!(drift < if substeps < 64 { 1e-4 } else { 1e-5 }, "momentum is off by {drift}");
         }
     }
@@ -136,7 +137,7 @@ fn sliders_that_meet_keep_momentum() {
     assert!(off < 1e-10 && speed >= -1e-9 && last.kinetic <= first.kinetic, "{off:e}, {speed}, {} J", last.kinetic);
 }
 
-/// A link with its parent, and pairs that touch in the default pose, are excluded, with a note.
+/// A link and its parent, and pairs that touch in the default pose, are excluded, with a note.
 #[test]
 fn what_touches_by_design_is_left_out() {
     let note = |system: &System| system.notes.iter().find(|n| n.starts_with("self_collision")).cloned().expect("a line");
@@ -151,13 +152,14 @@ fn what_touches_by_design_is_left_out() {
     ];
     let closed = note(&folding("closed", &parts, "floating = true\n"));
     assert!(closed.starts_with("self_collision: it has no two links") && closed.ends_with("default pose: left - right"), "{closed}");
-    // Without contact it equals the original robot.
+    // With all pairs excluded, the robot equals the one without self-collision.
     let plain = System::from_text("closed", &urdf(&parts), Some("like = \"urdf\"\nfloating = true\ncontact = []\n")).expect("a robot");
     assert_eq!(plain.robot_sha256(), folding("closed", &parts, "floating = true\n").robot_sha256());
 }
 
-/// The file pairs only the tip of an arm with the trunk that carries it. The tip rests at their margin over the trunk, although a link and
-/// its parent never meet otherwise. The thicker sleeve of the arm, which would touch first, passes through.
+/// The file pairs only one geom of an arm with the trunk, the arm's parent link. The paired geom rests at the margin
+/// above the trunk, although a link and its parent never meet otherwise. Without a pair, the thicker sleeve passes
+/// through.
 #[test]
 fn what_a_file_pairs_meets_and_nothing_else() {
     let arm = |paired: &str| {

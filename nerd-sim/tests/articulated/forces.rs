@@ -1,10 +1,10 @@
-//! Contact forces at points, solvers without them, and poses by name.
+//! Contact forces at points, solvers that report none, and poses by name.
 
 use nerd_sim::instruments::glide;
 
 use super::common::*;
 
-/// The cube a little askew, a short way up.
+/// The cube, tilted, with its centre 0.15 m above the ground.
 fn cube(config: fn(&System) -> ArticulatedConfig) -> Simulation {
     let system = built_in("cube");
     let mut start = system.default_state();
@@ -14,8 +14,9 @@ fn cube(config: fn(&System) -> ArticulatedConfig) -> Simulation {
     Simulation::new(at(&system, "plane", &start), Articulated::new(config(&system)))
 }
 
-/// Newton's second law over every frame of a fall, a landing and a rest: the change of momentum is `(sum F + m g) dt`. The mass matrix is
-/// renewed in every substep; one that is kept for a frame, as in `paper`, does not conserve momentum.
+/// Newton's second law, `(sum F + m g) dt` is the change of momentum, over every frame of a fall, a landing and a rest.
+/// Both presets update the mass matrix in every substep. Kept for a frame, as in `paper`, it does not conserve
+/// momentum.
 #[test]
 fn forces_are_what_changes_momentum() {
     let presets: [fn(&System) -> ArticulatedConfig; 2] =
@@ -24,7 +25,7 @@ fn forces_are_what_changes_momentum() {
         let mut simulation = cube(preset);
         let system = simulation.batch.system.clone();
         let (m, dt, gravity) = (system.robot.mass(), system.frame_time, system.gravity());
-        // The velocity of the root's origin, which is the cube's centre of mass.
+        // The root's origin is the cube's centre of mass.
         assert!(system.robot.links[0].inertia.com.norm() < 1e-9);
         let momentum = |s: &[f64]| (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))) * m;
         let (mut touched, mut last, mut worst) = (0, Vector3::zeros(), 0.0f64);
@@ -69,7 +70,7 @@ fn a_batch_knows_names() {
     let [root, link] = [&system.robot.links[0].name, &system.robot.links.last().expect("a link").name];
     assert!((batch.pose(1, root).expect("a root").to_homogeneous() - pose.to_homogeneous()).amax() < 1e-14);
     assert!((batch.velocity(1, root).expect("a root").vector() - moves.vector()).amax() < 1e-14);
-    // A point of the last link moves along its velocity.
+    // The last link's origin moves with the linear velocity reported for the link.
     let (before, v) = (batch.pose(1, link).expect("a link"), batch.velocity(1, link).expect("a link"));
     glide(&system, batch.state_mut(1), 1e-6);
     let went = (batch.pose(1, link).expect("a link").translation.vector - before.translation.vector) / 1e-6;

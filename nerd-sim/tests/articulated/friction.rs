@@ -1,9 +1,10 @@
-//! Dry friction of a joint: a slide of 2 kg slows down uniformly and stops for good. Held below the breaking force it creeps by no more
-//! than 1 mm/s; above, it falls with the excess force. A hinge on it stays held. With many substeps and with few.
+//! Dry friction of a joint: a slide of 2 kg decelerates uniformly and stops for good. Loaded below its friction force,
+//! the slide creeps by at most 1 mm in a second. Above, the excess force accelerates it. A hinge on the slide stays
+//! put.
 
 use super::common::*;
 
-/// A slide along `axis`, then a pendulum about y on it, with dry friction each (N, N m).
+/// A slide along `axis` carries a pendulum about y, with dry friction `friction` (N) and `hinge` (N m).
 fn slide(axis: &str, friction: f64, hinge: f64) -> Arc<System> {
     let body = |name: &str, mass: f64| link(name, mass, [0.0, 0.0, -0.5], [0.1; 3], "");
     let dry = |axis: &str, friction: f64| {
@@ -24,7 +25,7 @@ fn after(system: &Arc<System>, config: ArticulatedConfig, v: f64, frames: usize)
     end(&mut Articulated::new(config), at(system, "free", &[0.0, 0.0, v, 0.0]), 0.0, frames)
 }
 
-/// Settings, and the relative tolerance of each: first order in the substep.
+/// Settings, each with its relative tolerance; errors are of first order in the substep.
 fn settings(system: &System) -> [(ArticulatedConfig, f64); 3] {
     let law = Friction::Coulomb;
     [(ArticulatedConfig::converged(law), 2e-3), (ArticulatedConfig::paper(system, law), 0.02), (ArticulatedConfig::implicit(4, law), 0.05)]
@@ -32,7 +33,7 @@ fn settings(system: &System) -> [(ArticulatedConfig, f64); 3] {
 
 #[test]
 fn a_slide_slows_down_evenly_and_stops() {
-    // 1 m/s, 4 N on 2.001 kg: half a second, a quarter of a metre. The hinge is held.
+    // 4 N stop 2.001 kg from 1 m/s after half a second and a quarter of a metre. The hinge sticks.
     let system = slide("1 0 0", 4.0, 1.0);
     for (config, allowed) in settings(&system) {
         let half = after(&system, config, 1.0, 15);
@@ -46,7 +47,7 @@ fn a_slide_slows_down_evenly_and_stops() {
 
 #[test]
 fn what_is_held_creeps_and_what_is_not_falls() {
-    // 19.63 N of weight.
+    // The weight is 19.63 N.
     for (friction, held) in [(21.0, true), (15.0, false), (5.0, false)] {
         let system = slide("0 0 1", friction, 1.0);
         for (config, allowed) in settings(&system) {

@@ -1,9 +1,9 @@
-//! Forces at a joint against closed forms: a damper far too stiff for the substep decays as `exp(-d t / I)`, or at least without overshoot;
-//! a limit far too stiff holds; limits and position laws are right beyond a turn.
+//! Forces at a joint against closed forms. Under a damper far too stiff for the substep the velocity decays as `exp(-d
+//! t / I)`, or at least without overshoot. A limit far too stiff holds. Limits act beyond a full turn.
 
 use super::common::*;
 
-/// Hinges about z in a row, the rods of a fixed base 1 m long, each with an inertia about its own joint, without gravity; with ground.
+/// Hinges about z in a row, 1 m apart, on a fixed base without gravity; `inertias` are about each joint. Has a ground.
 fn arm(inertias: &[f64], kind: &str, dynamics: &str, spec: &str) -> Arc<System> {
     let (mut parts, mut toml) = (vec![base()], keys(false, 0.0));
     toml += "material = { stiffness = 1e4, damping = 10.0, friction_damping = 10.0, friction = 0.5 }\n";
@@ -21,8 +21,9 @@ fn after(system: &Arc<System>, scene: &str, config: ArticulatedConfig, state: &[
     motion(&mut Articulated::new(config), at(system, scene, state), 0.0, frames)
 }
 
-/// From soft to 1e5 times too stiff: the velocity never changes sign, never grows, and after 40 time constants and two frames is below a
-/// hundredth of the initial one; the accurate presets follow the exponential.
+/// A damper from soft to far too stiff for the substep: the velocity never changes sign and never grows. Presets
+/// `implicit` and `converged` follow the exponential within 0.02 rad/s, the others within 0.2. From d = 0.3 N m s/rad
+/// on, less than 1e-6 rad/s is left after 0.5 s.
 #[test]
 fn a_damper_of_any_stiffness_dies_away() {
     for damping in [1e-3, 0.05, 0.3, 1.0, 10.0, 1e4] {
@@ -43,7 +44,8 @@ fn a_damper_of_any_stiffness_dies_away() {
     }
 }
 
-/// Light links in a row make a damper stiffer than each joint's own inertia says. Energy falls, whatever the preset.
+/// In a row of light links the effective inertia at a joint is far below the link's own. Dampers are stiffer there, and
+/// the kinetic energy must still fall with every preset.
 #[test]
 fn coupled_dampers_take_energy_only() {
     for damping in [1e-4, 1e-3, 1e-2, 0.1, 1.0, 100.0] {
@@ -62,8 +64,8 @@ fn coupled_dampers_take_energy_only() {
     }
 }
 
-/// A joint thrown at a stop far too stiff for the substep: its penetration is at most `v sqrt(I / k)` of the spring or the distance of a
-/// substep, and it does not return faster than it came.
+/// A joint thrown at a limit far too stiff for the substep. Penetration is at most `v sqrt(I / k)` plus the distance of
+/// a substep of 1/240 s. The joint returns no faster than it came.
 #[test]
 fn a_limit_of_any_stiffness_holds() {
     let limit = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
@@ -80,7 +82,7 @@ fn a_limit_of_any_stiffness_holds() {
     }
 }
 
-/// Limits of -1 and 6 rad: at 4 rad nothing acts, at 6.5 rad the upper one does, in our solver and in rapier.
+/// Limits of -1 and 6 rad, in our solver and in rapier: none acts at 4 rad, the upper limit acts at 6.5 rad.
 #[test]
 fn limits_wider_than_a_turn_act_where_they_are() {
     let limit = r#"<limit lower="-1" upper="6" effort="1" velocity="1"/>"#;
@@ -91,7 +93,7 @@ fn limits_wider_than_a_turn_act_where_they_are() {
     solvers.push(("rapier", Box::new(Rapier::new(RapierConfig::default()))));
     for (name, solver) in &mut solvers {
         let [inside, beyond] = [4.0, 6.5].map(|q| end(solver, at(&system, "free", &[q, 0.0]), 0.0, 6));
-        // A spring's first tenth of a second: 6 + 0.5 cos(10 t), I = 0.1 kg m^2.
+        // The spring's first tenth of a second: `q = 6 + 0.5 cos(10 t)` for I = 0.1 kg m^2 and k = 10 N m/rad.
         let exact = 6.0 + 0.5 * 1.0f64.cos();
         assert!((inside[0] - 4.0).abs() < 1e-6 && inside[1].abs() < 1e-6, "{name}: at 4 rad it moves to {inside:?}");
         assert!((beyond[0] - exact).abs() < 0.03, "{name}: from 6.5 rad to {}, the spring's {exact}", beyond[0]);

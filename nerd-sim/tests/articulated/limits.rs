@@ -2,13 +2,13 @@
 
 use super::common::*;
 
-/// A grip hanging down, 0 to 0.08 m, 20 N.
+/// A gripper finger on a vertical slide: range 0 to 0.08 m, effort limit 20 N.
 fn grip(mass: f64) -> String {
     let slide = r#"<axis xyz="0 0 -1"/><limit lower="0" upper="0.08" effort="20" velocity="1"/>"#;
     urdf(&[base(), link("finger", mass, [0.0; 3], [1e-4; 3], ""), joint("grip", "prismatic", ["base", "finger"], slide)])
 }
 
-/// An arm of links of 0.3 m, each on a hinge of half a turn about another axis.
+/// An arm of links of 0.3 m on hinges about z, x and y in turn, limited to -1.6 to 1.5 rad.
 fn arm(links: usize) -> String {
     let mut parts = vec![link("l0", 3.0, [0.0; 3], [0.02; 3], "")];
     for n in 1..=links {
@@ -21,7 +21,7 @@ fn arm(links: usize) -> String {
     urdf(&parts)
 }
 
-/// Largest excess over a limit's ends (rad or m), and as a share of its range, over two seconds under constant torques.
+/// Largest excess over a limit (rad or m), and as a share of its range, in two seconds under constant torques.
 fn excess(system: &Arc<System>, config: ArticulatedConfig, start: &[f64], torque: f64) -> [f64; 2] {
     let states = motion(&mut Articulated::new(config), at(system, "free", start), torque, 120);
     let over = states.iter().flat_map(|state| {
@@ -36,11 +36,11 @@ fn excess(system: &Arc<System>, config: ArticulatedConfig, start: &[f64], torque
 
 #[test]
 fn a_grip_stays_within_its_range() {
-    // A heavy one, and a finger of 15 g.
+    // A heavy finger, and one of 15 g.
     for mass in [0.2, 0.015] {
         let system = Arc::new(System::bare("grip", &grip(mass), false).expect("valid"));
         for (name, config) in presets(&system) {
-            // Dropped through its range; pushed at its end by all its effort, and back.
+            // Dropped through its range, or pushed out or in at its ends by the full effort.
             for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
                 let [_, found] = excess(&system, config, &start, tau);
                 assert!(found < 0.05, "{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
@@ -61,7 +61,7 @@ fn arms_fall_into_their_limits_and_stay() {
         for (name, config) in presets(&system) {
             let mut start = system.default_state();
             let rates = system.robot.nq() + system.robot.root_dofs();
-            // Thrown against the stops.
+            // Joint velocities of 3 rad/s drive the arm against its limits.
             start[rates..].iter_mut().enumerate().for_each(|(i, v)| *v = if i % 2 == 0 { 3.0 } else { -3.0 });
             let [_, found] = excess(&system, config, &start, 0.0);
             assert!(found < 0.1, "{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
@@ -69,7 +69,8 @@ fn arms_fall_into_their_limits_and_stay() {
     }
 }
 
-/// Without a limit in the TOML, the URDF's acts; zeros switch it off; the built-in robots define all of theirs.
+/// Without `limit` in the TOML, the URDF's limit acts; zeros switch it off; the built-in robots' TOMLs give every
+/// limit.
 #[test]
 fn what_is_said_counts() {
     let limit = |text: &str| {
@@ -77,7 +78,8 @@ fn what_is_said_counts() {
         let system = System::from_text("grip", &grip(0.2), Some(&toml)).expect("valid");
         system.robot.joints().next().and_then(|j| j.limit).map(|l| (l.stiffness, l.damping)).expect("limited")
     };
-    // 0.2 kg at 1/960 s: 0.2 (0.2 960)^2 N/m would hold 20 N at 3.4 % of the range, 0.4 0.2 960 N s/m.
+    // 0.2 kg at 1/960 s: `k = 0.2 (0.2 * 960)^2` N/m and `d = 0.4 * 0.2 * 960` N s/m. k holds 20 N at 3.4 % of the
+    // range.
     let (stiffness, damping) = limit("");
     assert!((stiffness / 7372.8 - 1.0).abs() < 1e-9 && (damping / 76.8 - 1.0).abs() < 1e-9, "{stiffness} N/m, {damping} N s/m");
     assert_eq!(limit("limit = { stiffness = 0.0, damping = 0.0 }"), (0.0, 0.0));
@@ -89,7 +91,7 @@ fn what_is_said_counts() {
     }
 }
 
-/// A joint whose ends coincide has no range to divide by.
+/// A joint with equal lower and upper limits is locked; it has no range to divide by.
 #[test]
 fn a_joint_without_a_range_is_locked() {
     let locked = changed(&grip(0.2), "upper=\"0.08\"", "upper=\"0\"");

@@ -1,4 +1,4 @@
-//! The articulated solver and the scenes that it meets, against closed forms and textbook values.
+//! The articulated solver, its contact and its scenes, against closed forms and textbook values.
 
 mod cart;
 #[path = "../common/mod.rs"]

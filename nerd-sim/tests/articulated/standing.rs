@@ -1,9 +1,9 @@
-//! A robot without a material in its file stands: its feet stick by Coulomb's law. With regularised friction they creep by the force on a
-//! foot over the material's tangential damping, 1 mm in 5 s for 30 N.
+//! A robot without a material in its file stands: its feet stick by Coulomb's law. Regularised friction lets a foot
+//! creep at its tangential force over the tangential damping: 1 mm in 5 s at 30 N.
 
 use super::common::*;
 
-/// ANYmal in its pose, of the default material, z up, with gains that carry it.
+/// ANYmal in its default pose with the default material, z up, and gains that carry its weight.
 fn quadruped() -> Arc<System> {
     let mut system = (*built_in("anymal")).clone();
     system.spec.material = Material::default();
@@ -12,14 +12,14 @@ fn quadruped() -> Arc<System> {
     Arc::new(system)
 }
 
-/// The same scene with an additional sideways gravity (m/s^2).
+/// The same scene with a sideways gravity (m/s^2) added.
 fn leaning(scene: &Scene, aside: f64) -> Arc<Scene> {
     let mut scene = scene.clone();
     scene.gravity.x = aside;
     Arc::new(scene)
 }
 
-/// Positions of the base and of a foot after every frame of 6 s under its position law, pulled aside after 1 s.
+/// Positions of the base and a foot after every frame of 6 s under the PD law. `aside` (m/s^2) acts from 1 s on.
 fn stand(config: ArticulatedConfig, aside: f64) -> Vec<[Vector3<f64>; 2]> {
     let system = quadruped();
     let mut state = system.default_state();
@@ -41,8 +41,8 @@ fn stand(config: ArticulatedConfig, aside: f64) -> Vec<[Vector3<f64>; 2]> {
     (0..360).map(frame).collect()
 }
 
-/// By few implicit substeps and by many. Explicit ones are too long for such stiff friction: they tremble about rest, and the robot sinks;
-/// its frames are stepped implicitly.
+/// Few implicit substeps hold the height as well as many. Explicit substeps are too long for such stiff friction: feet
+/// would tremble about rest and the robot sink. The solver therefore steps these frames implicitly.
 #[test]
 fn a_standing_quadruped_holds_its_height() {
     for (name, config) in [
@@ -60,7 +60,7 @@ fn a_standing_quadruped_holds_its_height() {
     }
 }
 
-/// 16 N to the side, where 260 N would slide it. Its legs give way, its feet do not.
+/// 16 N to the side, where 260 N would slide the robot. Its legs deflect, its feet stay.
 #[test]
 fn a_push_below_the_friction_does_not_move_it() {
     for substeps in [4, 32] {

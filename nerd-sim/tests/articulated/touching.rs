@@ -1,13 +1,15 @@
-//! Every collider that a point touches acts on it, surfaces inside others do not, and cylinders are cylinders.
+//! Every collider that a point touches acts on it, buried surfaces do not, and cylinders have flat ends and round
+//! sides.
 
 use std::f64::consts::FRAC_PI_2;
 
-use nerd_sim::suite::bodies::{Body, UPRIGHT};
+use nerd_sim::scene::Surfaces;
+use nerd_suite::bodies::{Body, UPRIGHT};
 use parry3d_f64::shape::SharedShape;
 
 use super::common::*;
 
-/// The material of [`Body`], too.
+/// The same as the material of [`Body`].
 const MATERIAL: Material = Material {
     stiffness: 1e4,
     damping: 100.0,
@@ -54,7 +56,7 @@ fn solvers(system: &System) -> [(&'static str, Articulated); 3] {
     .map(|(name, config)| (name, Articulated::new(config)))
 }
 
-/// The same, and rapier where it is built in.
+/// The solvers of `solvers`, and rapier where it is compiled in.
 fn all_solvers(system: &System) -> Vec<(&'static str, Box<dyn Solver>)> {
     let mut all: Vec<(_, Box<dyn Solver>)> = Vec::new();
     all.extend(solvers(system).map(|(name, solver)| (name, Box::new(solver) as Box<dyn Solver>)));
@@ -68,10 +70,11 @@ fn resting(system: &Arc<System>, scene: &Arc<Scene>, place: [f64; 3], turn: Unit
     within(system, scene, &Body::state(place, turn.coords.into(), [0.0; 3], [0.0; 3]))
 }
 
-/// A ball in a corner, deeper in the riser than in the floor, is pushed out of both, as far as out of either alone.
+/// A ball in a corner, deeper in the riser than in the floor, is pushed out of both. Each push equals the push of that
+/// collider alone.
 #[test]
 fn a_ball_in_a_corner_feels_floor_and_riser() {
-    // Without friction, so that neither contact affects the other's push.
+    // Without friction neither contact affects the push of the other.
     let mut system = (*ball()).clone();
     system.spec.material.friction = 0.0;
     let system = Arc::new(system);
@@ -91,7 +94,7 @@ fn a_ball_in_a_corner_feels_floor_and_riser() {
     }
 }
 
-/// Corners of a box pressed into a corner, with points inside both solids: gravity holds it on the floor, a push at the wall.
+/// A box in the corner of floor and wall: gravity presses it against both. Some contact points lie inside both solids.
 #[test]
 fn a_box_leans_on_floor_and_wall() {
     let system = body(r#"<box size="0.2 0.2 0.2"/>"#);
@@ -102,7 +105,7 @@ fn a_box_leans_on_floor_and_wall() {
     }
 }
 
-/// Tiles side by side are one floor: a ball rolls over their seam as over a plane, and rests there at the same depth.
+/// Tiles side by side are one floor: a ball rolls over their seam as over a plane.
 #[test]
 fn a_seam_between_tiles_is_no_bump() {
     let system = ball();
@@ -116,18 +119,26 @@ fn a_seam_between_tiles_is_no_bump() {
     }
 }
 
+/// Appends the contact events of a point at `place` (m, world) with all colliders nearer than `reach` (m).
+fn contacts_at(scene: &Scene, place: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
+    let system = ball();
+    let mut data = system.data();
+    kinematics(&system.robot, &system.robot.zero_state(), &mut data);
+    scene.meetings(&ContactPoint::new(0, *place, 0.0), &data, reach, &Surfaces::default(), events);
+}
+
 /// A face buried under the floor does not push bodies below the floor further down.
 #[test]
 fn a_buried_face_does_not_act() {
     let mut events = Vec::new();
     let room = scene(WEIGHTLESS, vec![floor(), block([-1.0, -1.0, 0.0], [1.0, 1.0, 0.2])]);
-    room.contacts_at(&Vector3::new(0.1, 0.0, -0.01), f64::INFINITY, &mut events);
+    contacts_at(&room, &Vector3::new(0.1, 0.0, -0.01), f64::INFINITY, &mut events);
     let found: Vec<_> = events.iter().map(|e| (e.collider, e.distance)).collect();
     assert_eq!(found, [(0, -0.01)], "the block's underside at z 0 is no surface");
     events.clear();
     // In the inner corner of two steps both risers and treads are surfaces.
     let steps = scene(WEIGHTLESS, vec![floor(), block([0.0, -1.0, 0.0], [1.0, 1.0, 0.1])]);
-    steps.contacts_at(&Vector3::new(-0.02, 0.0, 0.03), 0.1, &mut events);
+    contacts_at(&steps, &Vector3::new(-0.02, 0.0, 0.03), 0.1, &mut events);
     assert_eq!(events.len(), 2, "{events:?}");
 }
 
@@ -135,8 +146,8 @@ fn side() -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2)
 }
 
-/// Upright a cylinder rests at its half length, on its side at its radius, in our solvers (but for `m g / k` of the law) and
-/// in rapier.
+/// An upright cylinder rests at its half length, a lying one at its radius. Our solvers rest lower by `m g / k`; rapier
+/// agrees.
 #[test]
 fn a_cylinder_rests_on_its_end_and_on_its_side() {
     for (name, radius, half) in [("rod", 0.05, 0.2), ("wheel", 0.1, 0.02), ("short rod", 0.1, 0.11)] {
@@ -181,7 +192,7 @@ fn a_scene_that_is_no_scene_is_refused() {
     assert!(said.contains("gravity"), "{said}");
 }
 
-/// Colliders skipped by their bounding balls would not have been the nearest.
+/// Skipping colliders by their bounding balls never skips the nearest.
 #[test]
 fn among_many_colliders_the_nearest_is_found() {
     let placed = |k: usize| {
@@ -210,7 +221,7 @@ fn among_many_colliders_the_nearest_is_found() {
         assert_eq!(event.distance, nearest, "at {:?}", place.as_slice());
         assert_eq!(event.distance, events[event.collider].distance, "the collider named");
         found.clear();
-        all.contacts_at(&place, 0.05, &mut found);
+        contacts_at(&all, &place, 0.05, &mut found);
         let inside = |events: &[ContactEvent]| events.iter().filter(|e| e.distance <= 0.0).count();
         assert_eq!(inside(&events), inside(&found), "at {place:?}");
         others += usize::from(event.collider < 22);

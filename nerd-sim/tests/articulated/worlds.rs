@@ -1,4 +1,4 @@
-//! Worlds: nearest of many colliders, inside and outside, against closed forms.
+//! Built-in worlds: distance and normal of the nearest collider, inside and outside, against closed forms.
 
 use nerd_sim::scene::{WORLDS, hill};
 
@@ -28,7 +28,7 @@ fn distances_are_those_of_geometry() {
     }
 }
 
-/// A mesh with an inside: a point under the hills has its true depth, and is not lost.
+/// The hills' mesh has an inside: a point below the surface has its true depth.
 #[test]
 fn under_the_hills_is_inside() {
     let scene = world("hills");
@@ -36,7 +36,7 @@ fn under_the_hills_is_inside() {
         let (x, y) = (10.0 * (0.7 * k as f64).sin(), 10.0 * (1.3 * k as f64).cos());
         for depth in [-0.1, -0.01, 0.01, 0.1] {
             let event = scene.contact(&Vector3::new(x, y, hill(x, y) + depth));
-            // The surface is no farther than straight up or down, and never on the wrong side; facets lie up to 1 cm off the waves.
+            // The distance is at most the vertical one and has the right sign. Facets lie up to 1 cm off the waves.
             let (signed, least) = (event.distance * depth.signum(), 0.5 * depth.abs() - 0.01);
             assert!(signed > least && signed < depth.abs() + 0.01, "({x:.2}, {y:.2}), {depth} m: distance {} m", event.distance);
             assert!(event.normal.z > 0.5, "({x:.2}, {y:.2}), {depth} m: normal {:?}", event.normal);
@@ -44,7 +44,7 @@ fn under_the_hills_is_inside() {
     }
 }
 
-/// Dropped into every world, the cube comes to rest on its surface.
+/// A cube dropped into each world comes to rest on its surface.
 #[test]
 fn a_cube_comes_to_rest_in_every_world() {
     let system = built_in("cube");
@@ -71,10 +71,10 @@ fn a_cube_comes_to_rest_in_every_world() {
 fn boxes_and_pegs_stand_on_the_plane() {
     let ball = urdf(&[link("ball", 1.0, [0.0; 3], [1e-3; 3], &collision([0.0; 3], r#"<sphere radius="0.05"/>"#))]);
     for (gravity, order) in [("[0.0, 0.0, -9.81]", [0, 1, 2]), ("[0.0, -9.81, 0.0]", [1, 2, 0])] {
-        // Axes of this world in terms of the axes of a world with z up.
+        // Permutes coordinates given with z up to the axes of this world.
         let turned = |x: [f64; 3]| order.map(|k: usize| x[k]);
         let text = format!(
-            "{}{GROUND}box = [{{ size = [0.4, 0.4, 0.2], at = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, at = {:?} }}]\n",
+            "{}{GROUND}box = [{{ size = [0.4, 0.4, 0.2], position = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, position = {:?} }}]\n",
             changed(&keys(true, 9.81), "[0.0, 0.0, -9.81]", gravity),
             turned([1.0, 0.0, 0.1]),
             turned([0.0, 1.0, 0.0])

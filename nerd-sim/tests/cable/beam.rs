@@ -1,11 +1,12 @@
-//! Cables against the theory of beams and of shafts. The stability suite covers hanging chains and energy.
+//! Cables against the theory of beams and shafts; the stability suite covers hanging chains and energy.
 
 use std::f64::consts::PI;
 
 use super::{accurate, cable, common::*, nodes};
 
-/// The end (x, z) of a clamped beam of length 1 that bends under its own weight, `c = w L^3 / E I`: `theta'' = c (1 - s) cos theta`, clamped at
-/// s = 0, free at s = 1 (the elastica). Shooting from the clamp, by bisection.
+/// End (x, z) of a clamped beam of length 1 that bends under its own weight, with `c = w L^3 / E I`. The elastica is
+/// `theta'' = c (1 - s) cos theta`, clamped at s = 0 and free at s = 1. Solved by shooting from the clamp with
+/// bisection.
 fn elastica(c: f64) -> [f64; 2] {
     let shoot = |bend: f64| {
         let (n, mut y) = (4000, [0.0, bend, 0.0, 0.0]);
@@ -23,7 +24,7 @@ fn elastica(c: f64) -> [f64; 2] {
         }
         y
     };
-    // It bends down: curvature at the clamp is negative and grows to 0 at the end.
+    // The beam bends down: the curvature is negative at the clamp and rises to 0 at the end.
     let (mut low, mut high) = (-c, 0.0);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
@@ -36,7 +37,7 @@ fn elastica(c: f64) -> [f64; 2] {
 #[test]
 fn a_clamped_cable_sags_as_the_elastica_says() {
     for (bending, links, within) in [(1.0, 20, 0.01), (0.2, 20, 0.01), (0.2, 40, 0.003), (0.05, 40, 0.01)] {
-        let system = cable(&format!("bending = {bending}\ndamping = 0.02\nlinks = {links}\nheld = \"fixed\""));
+        let system = cable(&format!("bending = {bending}\ndamping = 0.02\nlinks = {links}\nsupport = \"fixed\""));
         let last = end(&mut accurate(&system, 4), batch(&system, "free", 1), 0.0, 900);
         let tip = nodes(&system, &last)[links - 1] - Vector3::new(0.0, 0.0, 1.0);
         let [x, z] = elastica(0.08 * 9.81 / bending);
@@ -47,8 +48,8 @@ fn a_clamped_cable_sags_as_the_elastica_says() {
 
 #[test]
 fn a_cable_let_go_comes_to_rest_on_the_floor() {
-    let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nheld = \"fixed\"\nat = [0.0, 0.0, 0.3]");
-    // With two substeps it never quite comes to rest.
+    let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nsupport = \"fixed\"\nposition = [0.0, 0.0, 0.3]");
+    // With two substeps the cable never quite comes to rest.
     for (substeps, creep, bears) in [(2, 0.5, 0.2..0.9), (4, 0.01, 0.58..0.63), (16, 0.01, 0.58..0.63)] {
         let mut batch = batch(&system, "plane", 1);
         run(&mut accurate(&system, substeps), &mut batch, 0.0, 600);
@@ -62,10 +63,10 @@ fn a_cable_let_go_comes_to_rest_on_the_floor() {
     }
 }
 
-/// A whipping cable is solved with any number of substeps, since too fast modes are cut.
+/// A whipping cable can be solved with any number of substeps, since a substep too long for the motion is halved.
 #[test]
 fn a_whip_is_followed_at_any_number_of_substeps() {
-    let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nheld = \"fixed\"");
+    let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nsupport = \"fixed\"");
     let ends = [1, 2, 4, 16, 64].map(|substeps| {
         let swung = motion(&mut accurate(&system, substeps), batch(&system, "free", 1), 0.0, 300);
         nodes(&system, &swung[59])
@@ -76,9 +77,9 @@ fn a_whip_is_followed_at_any_number_of_substeps() {
 
 const LINKS: usize = 60;
 
-/// A clamped cable that hangs, and the places of its twisting joints.
+/// A clamped cable that hangs, and the indices of its twisting joints.
 fn shaft(twisting: f64, damping: f64) -> (Arc<System>, Vec<usize>) {
-    let hangs = "held = \"fixed\"\nalong = [0.0, 0.0, -1.0]\nat = [0.0, 0.0, 2.0]";
+    let hangs = "support = \"fixed\"\ndirection = [0.0, 0.0, -1.0]\nposition = [0.0, 0.0, 2.0]";
     let system = cable(&format!("bending = 1e-3\ntwisting = {twisting}\ndamping = {damping}\nlinks = {LINKS}\n{hangs}"));
     let joints = system.robot.joints().enumerate().filter(|(_, j)| j.name.starts_with("twist"));
     let joints = joints.map(|(k, _)| k).collect();
@@ -93,7 +94,7 @@ fn twist(state: &[f64], joints: &[usize]) -> f64 {
 fn a_shaft_under_torque_twists_by_its_length_over_its_stiffness() {
     let (twisting, torque) = (8e-4, 2e-4);
     let (system, joints) = shaft(twisting, 2e-4);
-    // A torque about the free end is felt by every joint alike.
+    // A torque about the free end acts on every joint alike.
     let mut torques = vec![0.0; system.robot.joint_count()];
     joints.iter().for_each(|k| torques[*k] = torque);
     let (mut batch, mut solver) = (batch(&system, "free", 1), Articulated::new(ArticulatedConfig::accurate(&system)));
@@ -102,13 +103,14 @@ fn a_shaft_under_torque_twists_by_its_length_over_its_stiffness() {
     assert!((angle / theory - 1.0).abs() < 0.01, "{angle} rad, theory {theory}");
 }
 
-/// The slowest oscillation of a shaft that is clamped at one end has the period `4 L sqrt(i / G J)`, with the polar inertia i per metre.
+/// The slowest oscillation of a shaft clamped at one end has the period `4 L sqrt(i / G J)`, with the polar inertia i
+/// per metre.
 #[test]
 fn a_twisted_shaft_swings_back_in_the_time_of_theory() {
     let twisting = 8e-6;
     let (system, joints) = shaft(twisting, 0.0);
     let mut state = system.robot.zero_state();
-    // Its first mode: the angle grows as sin(pi s / 2 L), and the first joint has half a rod.
+    // The first mode: the angle is proportional to sin(pi s / 2 L), and the first joint has half a rod.
     let angle = |s: f64| 0.2 * (0.5 * PI * s).sin();
     let place = |k: usize| if k == 0 { 0.0 } else { (k as f64 - 0.5) / LINKS as f64 };
     joints.iter().enumerate().for_each(|(k, joint)| state[*joint] = angle(place(k + 1)) - angle(place(k)));

@@ -1,8 +1,10 @@
+//! The keys of a cable's file: refusals, holding, damping of stiff springs, starts above the ground and joint gains.
+
 use nerd_sim::dataset::begin;
 
 use super::{accurate, common::*, nodes};
 
-/// A cable of the usual keys but for a line before `[cable]`, and some in it.
+/// A cable of the usual keys, with lines `before` the table `[cable]` and keys `within`, which replace usual ones.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
     let keys = [("length", "1.0"), ("diameter", "0.008"), ("mass", "0.08"), ("bending", "1e-3"), ("links", "8")];
     let own: String = keys.iter().filter(|(key, _)| !within.contains(&format!("{key} ="))).map(|(k, v)| format!("{k} = {v}\n")).collect();
@@ -25,8 +27,8 @@ fn what_is_no_cable_is_refused_in_a_line() {
         ("bending = -1e-3", "bending"),
         ("links = 0", "links"),
         ("links = 100000", "links"),
-        ("along = [0.0, 0.0, 0.0]", "along"),
-        ("held = \"glued\"", "held"),
+        ("direction = [0.0, 0.0, 0.0]", "direction"),
+        ("support = \"glued\"", "support"),
         ("stiffness = 1.0", "stiffness"),
     ] {
         refused("", keys, &[word, "lead"]);
@@ -38,7 +40,7 @@ fn what_is_no_cable_is_refused_in_a_line() {
 #[test]
 fn a_cable_is_held_as_it_is_said() {
     for (held, joints, mass) in [("gripper", 6 + 3 * 8, 0.1 * 9.0 / 8.0), ("fixed", 3 * 8, 0.1), ("free", 3 * 7, 0.1)] {
-        let keys = format!("length = 0.8\ndiameter = 0.01\nmass = 0.1\ntwisting = 8e-4\ndamping = 1e-5\nheld = \"{held}\"");
+        let keys = format!("length = 0.8\ndiameter = 0.01\nmass = 0.1\ntwisting = 8e-4\ndamping = 1e-5\nsupport = \"{held}\"");
         let system = lead("", &keys).expect("a cable");
         let robot = &system.robot;
         assert_eq!((robot.joint_count(), robot.floating()), (joints, held == "free"), "{held}");
@@ -49,15 +51,15 @@ fn a_cable_is_held_as_it_is_said() {
     }
 }
 
-/// Random data of some trajectories; returns the largest number in a state, or the error.
+/// Largest |number| in the states of three random trajectories, or the error.
 fn data(system: &Arc<System>) -> Result<f64, String> {
     let config = GenerateConfig { transitions: 900, frames: 300, seed: 3, ..GenerateConfig::default() };
     let recording = record(system, &mut *system.spec.truth.solver(system), &config, 0, 3).map_err(|e| e.to_string())?;
     Ok(recording.states.iter().fold(0.0, |most: f64, x| most.max(x.abs())))
 }
 
-/// Any stiffness relative to the substep: without a damping in the file, springs get the damping that the substep needs, and so do stiff
-/// ones with too little.
+/// Cables of any stiffness relative to the substep can be stepped. Springs that are undamped or too weakly damped in
+/// the file get the damping that the substep needs.
 #[test]
 fn a_cable_of_any_stiffness_moves() {
     let whip = "at = [0.0, 0.0, 0.5]\nlinks = 40";
@@ -66,14 +68,14 @@ fn a_cable_of_any_stiffness_moves() {
     let stiff = stiff.map(|(bending, damping)| format!("diameter = 0.01\nmass = 0.1\nlinks = 10\nbending = {bending}\n{damping}"));
     let all = said.map(String::from).into_iter().chain(stiff).chain(["twisting = 8e-4\nlinks = 40".into()]);
     for (keys, held) in all.flat_map(|keys| ["gripper", "fixed", "free"].map(|held| (keys.clone(), held))) {
-        let most = lead("", &format!("{keys}\nheld = \"{held}\"")).and_then(|system| data(&system));
+        let most = lead("", &format!("{keys}\nsupport = \"{held}\"")).and_then(|system| data(&system));
         assert!(most.as_ref().is_ok_and(|most| *most < 300.0), "{held}, {keys}: {most:?} in a state");
     }
 }
 
 #[test]
 fn what_is_lost_says_what_to_change() {
-    let system = lead("", "held = \"fixed\"").expect("a cable");
+    let system = lead("", "support = \"fixed\"").expect("a cable");
     let mut state = system.robot.zero_state();
     state[system.robot.nq()] = 1e200;
     let solver = &mut Articulated::new(ArticulatedConfig::accurate(&system));
@@ -84,7 +86,7 @@ fn what_is_lost_says_what_to_change() {
 #[test]
 fn a_free_cable_starts_above_the_ground_or_is_refused() {
     for height in ["0.1234567", "0.03", "2.0"] {
-        let system = lead("", &format!("held = \"free\"\nat = [0.0, 0.0, {height}]")).expect(height);
+        let system = lead("", &format!("support = \"free\"\nposition = [0.0, 0.0, {height}]")).expect(height);
         let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
         let begun = begin(&system, &config, 0, 8).expect("it begins");
         let radius = system.robot.contact_points[0].radius;
@@ -93,8 +95,12 @@ fn a_free_cable_starts_above_the_ground_or_is_refused() {
         assert_eq!(system.default_state()[2], height.parse::<f64>().expect("a number"));
     }
     for held in ["free", "fixed"] {
-        refused("", &format!("held = \"{held}\"\nat = [0.0, 0.0, -0.2]"), &["[cable] at", "along"]);
-        refused("", &format!("held = \"{held}\"\nat = [0.0, 0.0, 0.5]\nalong = [0.0, 0.0, -1.0]"), &["[cable] at", "along"]);
+        refused("", &format!("support = \"{held}\"\nposition = [0.0, 0.0, -0.2]"), &["[cable] position", "direction"]);
+        refused(
+            "",
+            &format!("support = \"{held}\"\nposition = [0.0, 0.0, 0.5]\ndirection = [0.0, 0.0, -1.0]"),
+            &["[cable] position", "direction"],
+        );
     }
 }
 

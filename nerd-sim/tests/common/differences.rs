@@ -3,8 +3,8 @@
 use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
 
-/// Most solves of a substep until no drag changes any more: differences do not see the remaining error of the iteration.
-pub const SOLVES: usize = 1000;
+/// Most solves of a substep, and the change of a drag that ends them: differences must not see the iteration's error.
+pub const SOLVES: usize = 30_000;
 pub const SETTLED: f64 = 1e-13;
 /// Largest error of a column of derivatives, relative to its size.
 pub const EXACT: f64 = 1e-6;
@@ -18,7 +18,7 @@ pub fn apart(a: &[f64], b: &[f64]) -> f64 {
     norm(a.iter().zip(b).map(|(a, b)| a - b)) / norm(b.iter().copied()).max(1e-12)
 }
 
-/// The batch's first environment at a state.
+/// The first environment of the batch, alone, at a state.
 pub fn only(batch: &Batch, state: &[f64]) -> Batch {
     let mut one = Batch::new(&batch.system, &batch.scenes[0], 1);
     one.drives = batch.drives.iter().take(batch.system.robot.joint_count()).copied().collect();
@@ -33,7 +33,7 @@ pub fn stepped(solver: &mut dyn Solver, batch: &Batch, state: &[f64], torques: &
     now.states
 }
 
-/// An articulated solver whose substeps are solved to their end.
+/// An articulated solver that iterates each substep until it converges.
 pub fn settled(config: ArticulatedConfig) -> Articulated {
     Articulated::new(config).settling(SETTLED, SOLVES)
 }
@@ -48,8 +48,9 @@ pub fn identity(rows: usize) -> Vec<f64> {
     (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect()
 }
 
-/// Central differences, plain and extrapolated from each size to the next: returns those that agree best with their predecessors, from
-/// `size` down, and how well they agree. With a kink within reach of all of them, none agree.
+/// Central differences at sizes from `size` down by factors of 4, plain and extrapolated (Richardson). Returns the
+/// column that agrees best with its predecessor, and their relative difference. With a kink within reach of all sizes,
+/// none agree.
 pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f64) {
     let mut of = |size: f64| side(size).iter().zip(side(-size)).map(|(a, b)| (a - b) / (2.0 * size)).collect::<Vec<f64>>();
     let (mut best, mut last) = ((Vec::new(), f64::INFINITY), [of(size), Vec::new()]);
@@ -68,9 +69,9 @@ pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f
     best
 }
 
-/// The worst errors of a state's derivatives with respect to state and torque, of columns from these sizes of differences down. Each is
-/// relative to its own size or, for a solver in 32 bits, to the largest; `None` where differences disagree among themselves by more than
-/// `exact`.
+/// Worst errors of a frame's derivatives with respect to state and torque, against differences of these sizes and
+/// smaller. Each error is relative to its own column or, for a solver in f32, to the largest column. `None` where
+/// differences disagree among themselves by more than `exact`.
 pub fn errors(
     solver: &mut dyn Solver,
     batch: &Batch,
@@ -81,7 +82,7 @@ pub fn errors(
 ) -> Option<[f64; 2]> {
     let robot = &batch.system.robot;
     let (rows, joints) = (2 * robot.nv(), robot.joint_count());
-    let slopes = solver.back(&only(batch, state), torques, rows, &identity(rows)).expect("slopes");
+    let gradients = solver.vjp(&only(batch, state), torques, rows, &identity(rows)).expect("gradients");
     let mut columns = [Vec::new(), Vec::new()];
     for k in 0..rows + joints {
         let (found, agrees) = central(if k < rows { by_state } else { by_torque }, |by| {
@@ -92,9 +93,9 @@ pub fn errors(
             } else {
                 torques[k - rows] += by;
             }
-            difference(robot, &slopes.next, &stepped(solver, batch, &from, &torques))
+            difference(robot, &gradients.next, &stepped(solver, batch, &from, &torques))
         });
-        let own = |row: usize| if k < rows { slopes.states[row * rows + k] } else { slopes.torques[row * joints + k - rows] };
+        let own = |row: usize| if k < rows { gradients.states[row * rows + k] } else { gradients.torques[row * joints + k - rows] };
         let own: Vec<f64> = (0..rows).map(own).collect();
         columns[usize::from(k >= rows)].push((apart(&own, &found), agrees, norm(found)));
     }
@@ -112,7 +113,7 @@ pub fn errors(
     Some(worst)
 }
 
-/// Prints the measured errors in a line; returns whether they are at most `exact`, with at most one in twenty left out.
+/// Prints the errors in one line. Returns whether all are below `exact` and at most one state in twenty was left out.
 pub fn told(what: &str, mut errors: Vec<f64>, left_out: usize, exact: f64) -> bool {
     errors.sort_by(f64::total_cmp);
     let (all, worst) = (errors.len() + left_out, errors.last().copied().unwrap_or(f64::NAN));

@@ -42,7 +42,7 @@ pub fn at(system: &Arc<System>, scene: &str, state: &[f64]) -> Batch {
     within(system, &system.scene(scene).expect("a scene"), state)
 }
 
-/// The same in a scene of a test's own.
+/// One environment at a state in the given scene.
 pub fn within(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64]) -> Batch {
     let mut batch = Batch::new(system, scene, 1);
     batch.reset(0, state);
@@ -55,7 +55,7 @@ pub fn run(solver: &mut (impl Solver + ?Sized), batch: &mut Batch, torque: f64, 
     (0..frames).for_each(|frame| solver.step(batch, &torques).unwrap_or_else(|e| panic!("frame {frame}: {e}")));
 }
 
-/// States of a batch after each frame of that.
+/// States of a batch after each frame of `run`.
 pub fn motion(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64, frames: usize) -> Vec<Vec<f64>> {
     let step = |_| {
         run(solver, &mut batch, torque, 1);
@@ -64,13 +64,13 @@ pub fn motion(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64
     (0..frames).map(step).collect()
 }
 
-/// The state after the last frame of that.
+/// States of a batch after the last frame of `run`.
 pub fn end(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64, frames: usize) -> Vec<f64> {
     run(solver, &mut batch, torque, frames);
     batch.states
 }
 
-/// The message of a refusal, in one line.
+/// The error message, which must be one line.
 pub fn line<T>(refused: Result<T, impl std::fmt::Display>) -> String {
     let Err(error) = refused.map(|_| ()) else { panic!("it is not refused") };
     let said = error.to_string();
@@ -83,7 +83,8 @@ pub fn changed(text: &str, from: &str, to: &str) -> String {
     text.replacen(from, to, 1)
 }
 
-/// `<link>` of a mass (kg) at a place (m), its principal inertia (kg m^2) about that, and what else is in it.
+/// `<link>` with a mass (kg) at a position (m), its principal inertia (kg m^2) about that position, and further
+/// elements.
 pub fn link(name: &str, mass: f64, [x, y, z]: [f64; 3], [xx, yy, zz]: [f64; 3], more: &str) -> String {
     format!(
         r#"<link name="{name}"><inertial><origin xyz="{x} {y} {z}"/><mass value="{mass}"/>
@@ -91,7 +92,7 @@ pub fn link(name: &str, mass: f64, [x, y, z]: [f64; 3], [xx, yy, zz]: [f64; 3], 
     )
 }
 
-/// `<collision>` of a shape at a place (m).
+/// `<collision>` of a shape at a position (m).
 pub fn collision([x, y, z]: [f64; 3], shape: &str) -> String {
     format!(r#"<collision><origin xyz="{x} {y} {z}"/><geometry>{shape}</geometry></collision>"#)
 }
@@ -109,7 +110,7 @@ pub fn base() -> String {
     r#"<link name="base"/>"#.into()
 }
 
-/// Keys that every specification needs, in a gravity (m/s^2) along -z.
+/// Keys that every specification needs, with gravity (m/s^2) along -z.
 pub fn keys(floating: bool, gravity: f64) -> String {
     format!("floating = {floating}\nframe_time = \"1/60\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n", -gravity)
 }
@@ -124,7 +125,8 @@ pub fn joint_table(name: &str, more: &str) -> String {
 /// `[[scene]]` with level ground.
 pub const GROUND: &str = "[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
 
-/// A trunk on four legs, of geoms with condim 1, 3, 4 and 6 and margins, a pair, and a trunk that nothing meets.
+/// A trunk on four legs of condim 6, 4, 1 and 3 with margins. One leg has a `<pair>`, and the trunk's geom meets
+/// nothing.
 pub fn crawler() -> Arc<System> {
     let leg = |k: usize, x: f64, y: f64, condim: usize| {
         format!(
@@ -141,7 +143,8 @@ pub fn crawler() -> Arc<System> {
     Arc::new(System::from_text("crawler", &text, None).expect("a robot"))
 }
 
-/// A trunk with armature and damping on its free joint, partly gravity-compensated, as are its legs and a box on one of them.
+/// A trunk with armature and damping on its free joint. Gravity compensation acts on the trunk in part, on its legs,
+/// and on a box on one leg.
 pub const LIFTED: &str = r#"<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1"/><body name="trunk" pos="0 0 .2" gravcomp=".4">
     <joint type="free" armature=".3" damping=".7"/><geom type="box" size=".2 .1 .03" pos=".03 0 .01" mass="2"/>
     <body name="left" pos=".1 .12 0" gravcomp="1"><joint name="a" axis="0 1 0" armature=".01" damping=".1"/>
@@ -150,7 +153,7 @@ pub const LIFTED: &str = r#"<mujoco><worldbody><geom name="floor" type="plane" s
     <geom type="sphere" size=".04" pos=".05 0 -.1" mass=".5"/></body></body></worldbody>
     <actuator><motor joint="a" ctrlrange="-1 1"/><motor joint="b" ctrlrange="-1 1"/></actuator></mujoco>"#;
 
-/// Puts a batch of those near the ground.
+/// Puts crawlers near the ground, each with another angular velocity about y.
 pub fn drop_low(batch: &mut Batch) {
     let d = batch.system.robot.state_dim();
     batch.states.chunks_exact_mut(d).enumerate().for_each(|(env, state)| (state[2], state[12]) = (0.15, env as f64));

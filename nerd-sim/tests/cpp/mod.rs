@@ -1,12 +1,12 @@
-//! Kernels as programs of this machine: their text is also plain C++.
+//! Runs CUDA kernels on the CPU: their text is also plain C++.
 
-// Each test file is a crate of its own and uses a part of this.
+// Each test file is a crate and uses a part of this.
 #![allow(dead_code)]
 
 use std::io::Write;
 use std::process::{Command, Stdio};
 
-/// Names of CUDA, for kernels whose threads are launched one after the other, each a block.
+/// CUDA's names, for kernels in blocks of one thread that run one after the other.
 const NAMES: &str = "#include <cmath>
 #include <cstdio>
 #include <vector>
@@ -19,7 +19,7 @@ static Place blockIdx, threadIdx, blockDim = {1, 1}, gridDim;
 struct Buffer { long long size; std::vector<double> room; template <class T> operator T*() { return (T*)room.data(); } };
 ";
 
-/// Reads buffers `b` before launches, and writes them after.
+/// Reads buffers `b` before launches; `END` writes them after.
 const BEGIN: &str = "
 int main() {
     int count = 0;
@@ -52,7 +52,7 @@ impl Compiler {
         Some(Self { name, folder: tempfile::tempdir().expect("a folder") })
     }
 
-    /// Output of a text's program for this input.
+    /// Output of the compiled program for this input.
     pub fn run(&self, text: &str, input: Vec<u8>) -> Vec<u8> {
         let (source, made) = (self.folder.path().join("kernels.cpp"), self.folder.path().join("kernels"));
         std::fs::write(&source, text).expect("a file");
@@ -67,7 +67,8 @@ impl Compiler {
         output.stdout
     }
 
-    /// Content of buffers after a text's kernels; the lines of `launches` refer to them as `b[0]`, `b[1]` and so on.
+    /// Content of the buffers after a text's kernels ran. The lines of `launches` refer to buffers as `b[0]`, `b[1]`
+    /// and so on.
     pub fn launch(&self, text: &str, launches: &str, buffers: &[Vec<u8>]) -> Vec<Vec<u8>> {
         let mut input = (buffers.len() as i32).to_le_bytes().to_vec();
         buffers.iter().for_each(|b| input.extend((b.len() as i64).to_le_bytes().iter().chain(b)));

@@ -17,7 +17,7 @@ fn columns(csv: &str) -> Vec<Array> {
     csv.lines().next().unwrap_or_default().split(',').enumerate().map(column).collect()
 }
 
-/// Numpy's file, as `numpy.savez_compressed` writes it; of a type by its name, with a word for its order.
+/// An npz as `numpy.savez_compressed` writes it, of dtype `kind` and with this `fortran_order`.
 fn npz(arrays: &[Array], kind: &str, fortran: &str) -> Vec<u8> {
     let mut zip = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for (name, shape, x) in arrays {
@@ -42,14 +42,14 @@ fn tensors(arrays: &[Array]) -> Vec<u8> {
         .expect("a file")
 }
 
-/// What is said of a log whose arrays are in a file of this name.
+/// Writes arrays to a file of this name and reads the log that names them.
 fn read(folder: &Path, toml: &str, name: &str, bytes: &[u8]) -> Result<Log, nerd_sim::log::LogError> {
     std::fs::write(folder.join(name), bytes).expect("written");
     std::fs::write(folder.join("log.toml"), toml.replace("cube.csv", name)).expect("written");
     Log::read(&folder.join("log.toml"), None)
 }
 
-/// Tosses as arrays of trajectories and rows: all numbers of a pose, and of its rates, in one.
+/// Tosses as arrays `[trajectory][row]` with their TOML: one array has all numbers of a pose, one all velocities.
 fn stacked(all: &[Toss]) -> (Vec<Array>, String) {
     let flat = columns(&text(all));
     let some =
@@ -88,7 +88,7 @@ fn arrays_say_what_the_table_says() {
     let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart > 0.0 && apart < 1e-5, "{apart} apart in single precision");
 
-    // In a folder, trajectories are numbered on.
+    // Trajectory numbers continue from file to file of a folder.
     std::fs::create_dir(folder.path().join("cube.npzs")).expect("a folder");
     for name in ["a", "b"] {
         let some = if name == "a" { &all[..3] } else { &all[3..] };

@@ -5,9 +5,9 @@ use nerd_sim::{calibrate::*, log::Log, prelude::*};
 use crate::common::{built_in, line};
 use crate::tossed::{cube, folder, header, text, tosses};
 
-/// A cube as described, on its table.
+/// The cube as its file describes it, on its table.
 fn subject(system: &Arc<System>) -> Subject {
-    // As for the tosses: another number of substeps changes the effective friction by some percent.
+    // As in `tosses`: another number of substeps changes the effective friction by some percent.
     let implicit = ArticulatedConfig::implicit(16, Friction::Coulomb);
     Subject::new(system, "ground", Engine::Articulated(implicit)).expect("a table")
 }
@@ -16,7 +16,7 @@ fn parameters(system: &System, names: &[&str]) -> Vec<Parameter> {
     names.iter().map(|name| Parameter::named(system, name).expect("a parameter")).collect()
 }
 
-/// Tosses of a cube with these values, read as a log of the cube as described.
+/// Tosses of a cube with these parameter values, read as a log of the cube as described.
 fn log(names: &[&str], values: &[f64]) -> Log {
     let described = subject(&cube());
     let truth = described.with(&parameters(&cube(), names), values).expect("values");
@@ -38,12 +38,12 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
     assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
     assert!((10..300).contains(&told), "a descent of {told} evaluations");
-    // A solver without gradients is searched, with its whole budget.
+    // A solver without gradients is searched, with the whole budget of evaluations.
     let mut searched = Subject::new(&log.system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     searched.lag = subject.lag;
     let other = searched.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
     assert!(told >= 300 && other.objective < 0.9, "a search of {told} evaluations, objective {}", other.objective);
-    // Along a parameter the objective is least at the fit.
+    // Along each parameter the objective is least at the fit.
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     for (profile, value) in profiles.iter().zip(&fit.values) {
         let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
@@ -68,8 +68,8 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     assert!(off < 1e-9 && (a[0] - 0.3).abs() > 0.1, "{off:e} rad apart after a second: {a:?}, {b:?}");
 }
 
-/// Tosses that end at their measured positions, but rotated as a cube of more inertia. Positions without an error have no unit and no
-/// weight, so angles alone determine the inertia. Every seed is accepted.
+/// Measured positions equal the described cube's, but the cube rotates with 1.2 times the inertia. Positions without
+/// error get no weight, so angles alone determine the inertia. Every seed is accepted.
 #[test]
 fn what_is_right_already_weighs_nothing() {
     let (log, truth) = (log(&["inertia"], &[1.2]), 1.2);
@@ -80,14 +80,14 @@ fn what_is_right_already_weighs_nothing() {
     }
     let chosen = parameters(&log.system, &["inertia"]);
     let config = FitConfig { evaluations: 200, trials: 24, seed: u64::MAX, ..FitConfig::default() };
-    for slopes in [true, false] {
-        let fit = subject.fit(&chosen, &trials, FitConfig { slopes, ..config }, &mut |_, _| ()).expect("a fit");
-        assert!(fit.slopes == slopes && fit.before.position == 0.0, "{fit:?}");
-        assert!((fit.values[0] - truth).abs() < 0.02, "slopes {slopes}: {fit:?}");
+    for gradients in [true, false] {
+        let fit = subject.fit(&chosen, &trials, FitConfig { gradients, ..config }, &mut |_, _| ()).expect("a fit");
+        assert!(fit.gradients == gradients && fit.before.position == 0.0, "{fit:?}");
+        assert!((fit.values[0] - truth).abs() < 0.02, "gradients {gradients}: {fit:?}");
     }
 }
 
-/// Rounded corners touch the planes that sharp ones touched; nominal values change nothing.
+/// Rounded corners touch the planes that sharp corners touch; nominal values change nothing.
 #[test]
 fn values_mean_what_they_say() {
     let system = cube();
@@ -113,7 +113,7 @@ fn values_mean_what_they_say() {
         let said = line(Parameter::named(&system, name));
         assert!(said.contains(what), "{said}");
     }
-    // A raised table is shifted from where it stands.
+    // `height` and `tilt` are relative to the table's present pose.
     let raised = subject.with(&parameters(&system, &["height", "tilt.x"]), &[0.01, 0.02]).expect("values");
     let spec = &raised.system.spec.scenes[0].plane;
     assert_eq!((spec.height, spec.angles[0]), (0.01, 0.02));
@@ -126,7 +126,7 @@ fn values_mean_what_they_say() {
     assert!(line(subject.fit(&all, &[], FitConfig::default(), &mut |_, _| ())).contains("no trials"));
 }
 
-/// An arm that rapier refuses, since its joint has dry friction, is no arm that stands still.
+/// rapier refuses the arm's dry friction: an error, not an arm that stands still.
 #[test]
 fn what_a_solver_refuses_is_an_error() {
     let urdf = include_str!("../../assets/logs/elbow.urdf").replace("friction=\"0\"", "friction=\"0.001\"");
@@ -147,7 +147,8 @@ fn swung() -> Subject {
     Subject::new(&system, "free", engine).expect("a scene")
 }
 
-/// Rollouts of a subject under torques that change every frame, as its sensors show them: pieces of 40 frames of one trajectory.
+/// Sensor readings of a subject's rollout under torques that change every frame, in pieces of 40 frames of one
+/// trajectory.
 fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     let mut rng = stream(11, id);
     let torques: Vec<Vec<f64>> = (0..frames).map(|_| [0.6, 0.4].map(|most| most * nerd_sim::sampling::normal(&mut rng)).to_vec()).collect();
@@ -188,8 +189,8 @@ fn a_delay_is_found_over_two_frames() {
     }
 }
 
-/// Delay and strength of torques, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by
-/// trajectory.
+/// Delay and strength of torques, armature and dry friction are found together with the zeros of sensors, which differ
+/// by trajectory.
 #[test]
 fn drives_and_sensors_are_found() {
     let nominal = swung();
@@ -213,7 +214,7 @@ fn drives_and_sensors_are_found() {
         let off = fit.own[&(k as u64)].iter().zip(zeros).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < 1e-3, "trajectory {k}: zeros {:?}, {zeros:?} made the measurements", fit.own[&(k as u64)]);
     }
-    // The shared parameters fit no trajectory without its own ones.
+    // The shared parameters alone fit no trajectory.
     let told = nominal.with(&shared, &fit.shared.values).expect("values");
     let [without, with] = [told.clone(), told.with(&own, &fit.own[&1]).expect("values")].map(|s| {
         let own: Vec<Trial> = trials.iter().filter(|t| t.id == 1).cloned().collect();

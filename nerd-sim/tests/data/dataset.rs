@@ -37,7 +37,7 @@ fn an_interrupted_generation_ends_with_the_bytes_of_an_unbroken_one() {
         whole.iter().map(|f| f.0.as_str()).collect::<Vec<_>>(),
         ["manifest.json", "shard-00000.safetensors", "shard-00001.safetensors", "shard-00002.safetensors"]
     );
-    // As a crash of another program, or of the disk, may leave them: one gone, one cut short, the manifest lost.
+    // Damage by a crash or a disk: one shard gone, one cut short, the manifest lost.
     std::fs::remove_file(folder.path().join("shard-00000.safetensors")).expect("removed");
     std::fs::write(folder.path().join("shard-00001.safetensors"), &whole[2].1[..whole[2].1.len() / 2]).expect("cut");
     std::fs::remove_file(folder.path().join("manifest.json")).expect("removed");
@@ -88,7 +88,8 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
         (1..24).for_each(|f| assert_eq!(torque(f) != torque(f - 1), f % first == 0, "trajectory {t}, held {first}, frame {f}"));
         runs[first] += 1;
     }
-    // Log-uniform over 1 to 8: once in 64 ln 2 / ln 9 = 20 trajectories a single frame, in 64 ln (9 / 8) / ln 9 = 3.4 eight.
+    // Hold times are log-uniform over 1 to 8: expect `64 ln 2 / ln 9 = 20` trajectories with one frame an action, and
+    // `64 ln (9 / 8) / ln 9 = 3.4` with eight.
     assert!((10..=32).contains(&runs[1]) && runs[1..].iter().sum::<i32>() == 64 && runs[4..].iter().sum::<i32>() > 10, "{runs:?}");
     // Resets start within 0.2 m of the origin, samples up to 10 m away.
     let d = system.robot.state_dim();
@@ -131,8 +132,8 @@ fn shards_of_another_system_of_the_same_name_are_made_anew() {
     assert_eq!(make(folder.path(), &columns).1, first, "names of columns are no part of the data");
 }
 
-/// Older data is reproduced: starts, scenes and torques of robots without `[vary]`, and of one with long-standing keys, come from the same
-/// draws as ever. (The last bits of everything after them depend on the machine.)
+/// Older data is reproduced: starts, torques and drawn parameters keep their draws, without `[vary]` and with its
+/// oldest keys. The last bits of later states depend on the machine, so they are not compared.
 #[test]
 fn draws_stay_what_they_were() {
     let (toml, urdf) = System::texts("cartpole").expect("built in");

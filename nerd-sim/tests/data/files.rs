@@ -17,7 +17,7 @@ fn names(folder: &Path) -> Vec<String> {
 fn what_killed_writers_left_is_removed_and_what_living_ones_write_is_not() {
     let folder = tempfile::tempdir().expect("temporary folder");
     let path = folder.path().join("out.txt");
-    // As a kill within a write leaves it.
+    // The file that a writer killed within a write leaves.
     std::fs::write(folder.path().join(".nerd-dead.tmp"), b"half").expect("written");
     std::fs::write(folder.path().join(".other.tmp"), b"not ours").expect("written");
     write_with(&path, |file| {
@@ -78,14 +78,14 @@ fn a_folder_is_claimed_once_and_an_empty_one_goes_again() {
     write(&folder.join("result.txt"), b"result").expect("written");
     drop(second);
     assert_eq!(names(&folder), ["result.txt"]);
-    // One that was there stays, empty or not.
+    // A folder that existed before stays, empty or not.
     std::fs::create_dir(above.path().join("there")).expect("made");
     drop(claim(&above.path().join("there")).expect("free"));
     assert!(above.path().join("there").exists());
-    // Folders above one, made with it, go with it.
+    // Parent folders made by the claim are removed with it.
     drop(claim(&above.path().join("a/b/c")).expect("free"));
     assert!(!above.path().join("a").exists(), "empty folders stay");
-    // Of many at once one at a time has it.
+    // Of many threads, one at a time holds the claim.
     let (inside, most) = (std::sync::atomic::AtomicI32::new(0), std::sync::atomic::AtomicI32::new(0));
     std::thread::scope(|scope| {
         for _ in 0..8 {
@@ -120,7 +120,7 @@ fn a_text_that_is_none_is_told_with_its_place() {
     assert_eq!(names(folder.path()), ["text"]);
 }
 
-/// Sparse ones: a text that a robot is in, a table, arrays.
+/// Files beyond the bounds on a robot's text, a table and arrays; they are sparse on disk.
 #[test]
 fn files_beyond_their_bounds_are_refused_with_their_size() {
     let folder = tempfile::tempdir().expect("a folder");

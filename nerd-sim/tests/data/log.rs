@@ -1,5 +1,5 @@
-//! Measurements as people keep them: reading, corrections with notes, and refusals that name the position. A solver makes the measurements,
-//! so that every number is known.
+//! Logs of measurements: reading, corrections with notes, and refusals that name the position. A solver makes the
+//! measurements, so every true value is known.
 
 use std::path::Path;
 
@@ -13,7 +13,7 @@ fn read(rows: &str, toml: &str) -> Log {
 
 /// A TOML that names no velocities.
 fn bare() -> String {
-    header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("angular = [\"wx\", \"wy\", \"wz\"]\n", "")
+    header().replace("velocity = [\"vx\", \"vy\", \"vz\"]\n", "").replace("ang_vel = [\"wx\", \"wy\", \"wz\"]\n", "")
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
 }
 
-/// A table with the numbers of every row changed.
+/// The table with `f` applied to the numbers of every row.
 fn changed(table: &str, f: &dyn Fn(usize, &mut [f64])) -> String {
     let (head, rows) = table.split_once('\n').expect("a head");
     let row = |(k, line): (usize, &str)| {
@@ -76,7 +76,8 @@ fn changed(table: &str, f: &dyn Fn(usize, &mut [f64])) -> String {
     [vec![head.to_string()], rows.lines().enumerate().map(row).collect()].concat().join("\n")
 }
 
-/// Times to the millisecond, semicolons, velocities a third too large, a glitch, a trajectory that ends before it began.
+/// Odd tables that can be read: rounded times, semicolons, angular velocities a third too large, a glitch, times 10 %
+/// short. A table without rows is refused.
 #[test]
 fn what_is_odd_is_read_and_said() {
     let all = tosses(&cube(), 3, 60);
@@ -135,7 +136,7 @@ fn what_cannot_be_right_is_refused() {
     }
 }
 
-/// A slider in millimetres, and a hinge that passes pi: written with all its turns and without velocities.
+/// A slide in millimetres, and a hinge in degrees that passes 180; velocities come from differences without a jump.
 #[test]
 fn joints_have_units_of_their_own_and_no_seams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -161,7 +162,7 @@ fn joints_have_units_of_their_own_and_no_seams() {
     }
 }
 
-/// Long rests, whose velocities are noise, do not affect the check of velocities in motion.
+/// Long rests, where velocities are noise, do not affect the check of velocities in motion.
 #[test]
 fn rest_refuses_nothing() {
     let mut all = tosses(&cube(), 3, 60);
@@ -178,7 +179,7 @@ fn rest_refuses_nothing() {
     assert_eq!(log.trajectories[0].states.len(), 210);
 }
 
-/// A scale of length that is 2 % short gives a note only.
+/// A gravity 2 % above the measured free fall, as from a length scale 2 % short, gives a note only.
 #[test]
 fn free_fall_tells_the_scale() {
     let log = read(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf"));
@@ -196,8 +197,8 @@ fn the_sample_is_read() {
     assert!((log.system.frame_time - 1.0 / 148.0).abs() < 1e-12);
 }
 
-/// Tables in a folder, partly unknown torques, a row rate that is a multiple of the robot's; and pieces in which every sequence of frames
-/// occurs once, except in a last piece.
+/// Tables in a folder, some torques unknown, one table with four rows a frame. Every sequence of frames occurs in the
+/// pieces of a recording once, except in a trajectory's last piece.
 #[test]
 fn a_folder_of_tables_becomes_pieces() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -212,7 +213,7 @@ fn a_folder_of_tables_becomes_pieces() {
         let text: String = ["t,q0,q1,v0,v1,u0,u1,run\n".to_string()].into_iter().chain((0..rows).map(row)).collect();
         std::fs::write(folder.path().join("runs").join(name), text).expect("written");
     };
-    // The second has no torque in a row amid, as well as in its last; the third has four rows a frame.
+    // b.csv lacks the torque of a middle row and of its last; c.csv has four rows a frame.
     write("a.csv", 31, 1, &|k| k.to_string());
     write("b.csv", 25, 1, &|k| if k == 9 || k == 24 { String::new() } else { k.to_string() });
     write("c.csv", 41, 4, &|k| k.to_string());
@@ -240,7 +241,7 @@ fn a_folder_of_tables_becomes_pieces() {
     first.sort_unstable();
     first.dedup();
     assert_eq!(first, (0..=27).collect::<Vec<_>>(), "sequences of {sequence} frames begin at each of them");
-    // Contacts are computed from the robot's own geometry.
+    // Contacts are computed from the robot's geometry.
     let mut events = Vec::new();
     contacts(&system, &system.scene("ground1").expect("a scene"), &recording.states[..4], &mut Data::new(&system.robot), &mut events);
     let depths: Vec<f64> = events.iter().map(|e| e.distance).collect();

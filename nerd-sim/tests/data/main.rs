@@ -1,4 +1,4 @@
-//! What is written and read: data sets, tables, measured trajectories, and fits to them.
+//! Data sets, tables, measured trajectories and calibration: writing, reading and refusals.
 
 #[cfg(feature = "csv")]
 mod arrays;

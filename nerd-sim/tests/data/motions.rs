@@ -1,13 +1,13 @@
-//! Random data of robots whose torques run along smooth curves, among pegs that are laid out anew.
+//! Random data with torques along smooth curves, among pegs at random places in each trajectory.
 
 use nerd_sim::dataset::{Act, GenerateConfig, Smooth, begin, record};
 use nerd_sim::prelude::*;
 
-/// A lead of few rods above four pegs.
+/// A cable of eight rods above four pegs.
 fn lead() -> Arc<System> {
     let toml = "smooth = \"U(0.3, 0.5)\"\n[cable]\nlength = 1.0\ndiameter = 0.008\nmass = 0.08\nbending = 1e-3\ndamping = 1e-5\nlinks = 8\n\
-                at = [0.0, 0.0, 0.5]\n[random_pegs]\ncount = 4\nradius = \"U(0.02, 0.04)\"\nheight = 0.6\n\
-                at = [\"U(-0.2, 1.0)\", \"U(-0.3, 0.3)\", \"U(0, 0)\"]";
+                position = [0.0, 0.0, 0.5]\n[random_pegs]\ncount = 4\nradius = \"U(0.02, 0.04)\"\nheight = 0.6\n\
+                position = [\"U(-0.2, 1.0)\", \"U(-0.3, 0.3)\", \"U(0, 0)\"]";
     System::from_toml("lead", toml).expect("a lead").into()
 }
 
@@ -68,7 +68,7 @@ fn what_begins_is_what_is_recorded() {
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
     let recording = record(&system, &mut solver, &config(), 0, 8).expect("it moves");
     let d = system.robot.state_dim();
-    // Pulled along the recorded torques, the batch goes where the recording went, pegs and all.
+    // Under the recorded torques and among the same pegs the batch repeats the recording.
     let mut batch = batch;
     let joints = system.robot.joint_count();
     for frame in 0..60 {

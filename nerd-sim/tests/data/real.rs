@@ -17,7 +17,7 @@ const SHARED: [&str; 10] = [
     "joint-friction:elbow",
     "delay",
 ];
-/// Parameters of each run, and shared ones that it may vary slightly.
+/// Parameters of each run, and shared ones that a run may vary slightly.
 const ZEROS: [&str; 2] = ["zero:shoulder", "zero:elbow"];
 const FRICTION: [&str; 2] = ["joint-friction:shoulder", "joint-friction:elbow"];
 /// The held-out run, and its frames used to fit its zeros.
@@ -66,7 +66,7 @@ fn a_run_tells_its_own_zeros() {
     let found = [0.0, 10.0, 1e5].map(|weight| told(&own, weight));
     println!("calibrated {calibrated:.4}, its zeros {zeros:.4}, and its friction, ever nearer what all share {found:.5?}");
     assert!(zeros < 0.4 * calibrated && found.iter().all(|f| f.0 < 0.4 * calibrated), "{zeros} {found:?}");
-    // A parameter held near its nominal value moves less, the higher the cost; finally not at all.
+    // The higher the cost of leaving the nominal value, the less a parameter moves; finally not at all.
     assert!(found[0].1 > found[1].1 && found[1].1 > found[2].1 && found[2].1 < 1e-3, "{found:?}");
     assert!((found[2].0 - zeros).abs() < 1e-3 * hold, "{zeros} {found:?}");
 }

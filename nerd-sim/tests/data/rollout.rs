@@ -1,4 +1,4 @@
-//! The tables of rollouts: every fault is refused with the file, the line and the column, every order of columns is read.
+//! Tables of rollouts: each fault is refused with file, line and column, and columns are read in any order.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ fn write(folder: &Path, name: &str, text: &[u8]) -> PathBuf {
     path
 }
 
-/// Reads a table and rolls it out, in flight, over the frames it has.
+/// Reads a table and rolls it out in the scene `free`, over the frames of the table.
 fn rolled(path: &Path, system: &Arc<System>) -> Result<String, RolloutError> {
     let states = States::read(path, system)?;
     let mut solver = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
@@ -69,7 +69,7 @@ fn columns_go_by_their_names_in_any_order() {
     assert!(rolled("good.csv", GOOD).starts_with("traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n0,1,"));
 }
 
-/// Joints whose names are the table's own have `q_` before them, and no column is taken for another.
+/// Joints named like a column of the table get the prefix `q_`, and no column is taken for another.
 #[test]
 fn joints_named_like_other_columns_are_read_from_their_own() {
     let folder = tempfile::tempdir().expect("temporary folder");
@@ -81,7 +81,7 @@ fn joints_named_like_other_columns_are_read_from_their_own() {
         let said = line(rolled(&table(&format!("traj,step,{name},d_{name}")), &system));
         let words = if name == "tau1" { "states.csv: line 1: no column" } else { "states.csv: line 1: column" };
         assert!(said.contains(words), "{name}: {said}");
-        // Its centre of mass is on the axis: it stays where it starts.
+        // The centre of mass is on the axis, so the joint stays where it starts.
         let text = rolled(&table(&format!("traj,step,q_{name},d_q_{name}")), &system).expect("rolled out");
         assert_eq!(text.lines().nth(2), Some("0,1,0.5,0"), "{name}: {text}");
     }

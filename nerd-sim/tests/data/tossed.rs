@@ -1,14 +1,15 @@
-//! Tosses of the sample's cube made by a solver, and written as people write measurements.
+//! Simulated tosses of the sample's cube, written as people write measurements.
 #![allow(dead_code)]
 
 use std::ops::Range;
 
 use nerd_core::dynamics::to_local;
-use nerd_sim::{prelude::*, sampling::normal, suite::bodies::Body};
+use nerd_sim::{prelude::*, sampling::normal};
+use nerd_suite::bodies::Body;
 
 use crate::common::{at, implicit, motion};
 
-/// One toss, and the changes made to it in writing.
+/// One toss, and how it is altered in writing.
 #[derive(Clone, Debug)]
 pub struct Toss {
     pub id: u64,
@@ -19,7 +20,7 @@ pub struct Toss {
     pub stride: usize,
     /// Skips these rows.
     pub skip: Range<usize>,
-    /// Frames for which it is held at its start first.
+    /// Number of frames that the cube is first held at its start.
     pub held: usize,
 }
 
@@ -41,7 +42,7 @@ pub fn tosses(system: &Arc<System>, count: u64, frames: usize) -> Vec<Toss> {
     (0..count).map(toss).collect()
 }
 
-/// The first columns of a frame's row.
+/// The first columns of a frame's row: toss and time (s).
 pub fn stamp(id: u64, frame: usize) -> String {
     format!("{id},{:.9}", frame as f64 / 148.0)
 }
@@ -80,7 +81,7 @@ position = ["px", "py", "pz"]
 quaternion = ["qw", "qx", "qy", "qz"]
 order = "wxyz"
 velocity = ["vx", "vy", "vz"]
-angular = ["wx", "wy", "wz"]
+ang_vel = ["wx", "wy", "wz"]
 axes = "body"
 "#
 }

@@ -1,8 +1,9 @@
-//! Drives of every kind, more than a word has bits.
+//! Drives of every kind, on a robot with more of them than a word has bits.
 
 use super::*;
 
-/// Legs of three joints, some with friction, some with limits so near that a substep meets both; the last one's foot follows its hip.
+/// Legs of three joints, some with friction, some with limits so near that a substep meets both. The last foot mimics
+/// its hip.
 fn legged(legs: usize) -> String {
     let ball = collision([0.1, 0.0, 0.0], r#"<sphere radius="0.02"/>"#);
     let mut parts = vec![link("trunk", 3.0, [0.0; 3], [0.05; 3], "")];
@@ -26,10 +27,10 @@ fn drives_of_every_kind_move_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
     let toml = format!(
         "like = \"urdf\"\nfloating = true\nself_collision = false\n{GROUND}[[scene]]\nname = \"peg\"\n\
-         plane = {{ height = 0.0, angles = [0.2, 0.1, 0.0] }}\npeg = [{{ radius = 0.1, height = 0.5, at = [0.1, 0.2, 0.0] }}]"
+         plane = {{ height = 0.0, angles = [0.2, 0.1, 0.0] }}\npeg = [{{ radius = 0.1, height = 0.5, position = [0.1, 0.2, 0.0] }}]"
     );
     let (legged, chain) = (legged(12), chain(10));
-    // A chain of this length whips, and is short enough for the matrix.
+    // A chain of this length whips, and is short enough for the mass matrix.
     for (text, floating, soft) in [(legged, true, 1.0), (chain, false, 1e-3)] {
         let toml = toml.replace("floating = true", &format!("floating = {floating}"));
         let system = Arc::new(System::from_text("driven", &text, Some(&toml)).expect("a robot"));

@@ -1,4 +1,4 @@
-//! Crates that fall on static objects of a file's world.
+//! Crates that fall on static geoms of an MJCF's world.
 
 use super::*;
 
@@ -20,7 +20,7 @@ impl Case {
         Self { batch, torques: vec![0.05; 40], config }
     }
 
-    /// Fails unless points are near every collider.
+    /// Fails unless some contact points are near every collider.
     pub(super) fn touches_all(&self, colliders: usize) {
         let Batch { system, scenes, states, .. } = &self.batch;
         let (mut data, mut events, mut near) = (system.data(), Vec::new(), vec![0; colliders]);

@@ -1,8 +1,8 @@
-//! Robots of a family by the kernels, beside their own solvers.
+//! Robots of a family in the kernels, against their own solvers.
 
 use super::*;
 
-/// Robots of a family under way, and torques that differ from frame to frame.
+/// Sampled states of robots drawn from `spec`, with torques.
 fn family(name: &str, scene: &str, spec: VarySpec) -> Case {
     let Case { batch: nominal, torques, config } = sampled(name, scene, ArticulatedConfig::accurate(&built_in(name)));
     let mut system = (*nominal.system).clone();
@@ -12,7 +12,8 @@ fn family(name: &str, scene: &str, spec: VarySpec) -> Case {
     Case { batch, torques, config }
 }
 
-/// Each robot of a family moves as its own solver has it, whichever of its numbers differ, behind its own motors and sensors, too.
+/// Each robot of a family moves as in its own solver, whichever parameters vary, also behind an actuator and sensor
+/// model.
 #[test]
 fn robots_of_a_family_move_as_their_solvers_have_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -74,7 +75,7 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
     }
 }
 
-/// A motion without a card, which steps robots of their own.
+/// A motion without a GPU that steps a different robot in each environment.
 #[cfg(feature = "cuda")]
 struct Nowhere;
 
@@ -101,7 +102,7 @@ impl nerd_sim::articulated::device::Motion for Nowhere {
     }
 }
 
-/// A card steps motors of a family with its robots; of a robot that no `[vary]` tells of, it refuses them.
+/// On a GPU a family steps with its actuators and sensors; for a single robot that has them the solver refuses.
 #[cfg(feature = "cuda")]
 #[test]
 fn motors_of_a_family_are_no_reason_to_refuse_it() {
@@ -115,7 +116,7 @@ fn motors_of_a_family_are_no_reason_to_refuse_it() {
     assert!(said.contains("motors of its own"), "{said}");
 }
 
-/// What has no kernels is said before a card is looked for.
+/// Settings without kernels are refused before a GPU is looked for.
 #[cfg(feature = "cuda")]
 #[test]
 fn settings_of_the_reference_are_refused() {

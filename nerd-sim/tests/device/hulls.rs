@@ -1,4 +1,4 @@
-//! Hulls, balls and capsules of a file's world, by the kernels beside the solver.
+//! Hulls, balls and capsules of an MJCF's world: kernels against the solver.
 
 use super::*;
 
@@ -23,6 +23,6 @@ fn hulls_balls_and_capsules_are_as_the_solver_has_them() {
     case.touches_all(4);
     let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 3));
     assert!(double.states(0) < 1e-6, "{double:?}");
-    // In f32 some take the other side of an edge.
+    // In f32 some crates take the other side of an edge.
     assert!(single.states(4) < 1e-2, "in f32: {single:?}");
 }

@@ -1,8 +1,8 @@
-//! Gravity compensation, and armature and damping of a free root, by the kernels against the solver.
+//! Gravity compensation, and armature and damping of a free root: kernels against the solver.
 
 use super::*;
 
-/// Trunks with two legs in the air or on the ground, whose joints turn under torques.
+/// Trunks with two legs under torques, in the air or on the ground.
 fn lifted(vary: &str) -> Case {
     let system = Arc::new(System::from_text("lifted", LIFTED, Some(&format!("like = \"urdf\"\n{vary}"))).expect("a robot"));
     let mut batch = vary::batch(&system, "ground", 20, 3).expect("a batch");

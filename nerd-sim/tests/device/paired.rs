@@ -1,4 +1,4 @@
-//! Contact properties of a robot's file, and torsional and rolling friction, by the kernels against the solver.
+//! Contact properties of an MJCF, with torsional and rolling friction: kernels against the solver.
 
 use super::*;
 
@@ -19,7 +19,7 @@ fn crawling(scene: &str) -> Case {
     Case { batch, torques, config }
 }
 
-/// A system's robots with another friction for every pair.
+/// The same batch with one friction for every pair of geoms.
 fn rubbed(case: &Case) -> Batch {
     let mut system = (*case.batch.system).clone();
     system.one_friction = Some(0.05);
@@ -39,7 +39,7 @@ fn geoms_of_a_file_move_as_the_solver_has_them() {
         let loops = changed(&case.text(Real::F64), "#define UNROLLED 1\n", "#define UNROLLED 0\n");
         let looped = case.apart_by(&compiler, &loops, 3).states(0);
         assert!(looped < 1e-9, "on {scene} in loops: {looped:e}");
-        // The file's friction acts: another one gives another motion.
+        // The file's friction acts: another friction gives another motion.
         let other = Case { batch: rubbed(&case), torques: case.torques.clone(), config: case.config };
         let apart = other.apart(&compiler, Real::F64, 3).states(0);
         let [mut own, mut rubbed] = [case.batch.clone(), other.batch.clone()];
@@ -49,7 +49,7 @@ fn geoms_of_a_file_move_as_the_solver_has_them() {
     }
 }
 
-/// With a material alone: with margins, and along the tree.
+/// Torsional and rolling friction of a material, with margins: by the mass matrix and along the tree.
 #[test]
 fn what_resists_turns_does_so_as_in_the_solver() {
     let Some(compiler) = Compiler::find() else { return };

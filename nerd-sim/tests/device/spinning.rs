@@ -1,8 +1,8 @@
-//! Roots that spin, about a centre of mass that is not where the root is.
+//! Free roots that rotate fast about a centre of mass away from the root's origin.
 
 use super::*;
 
-/// A body with an arm, low above the plane or in a free scene, at spins of up to so many rad/s.
+/// A body with an arm, low above the plane or in a free scene. Angular velocities are up to `spin` rad/s an axis.
 fn spinning(scene: &str, spin: f64, config: ArticulatedConfig) -> Case {
     let trunk = link("trunk", 1.0, [0.05, 0.02, 0.03], [3e-3, 5e-3, 7e-3], &collision([0.0; 3], r#"<box size="0.3 0.2 0.05"/>"#));
     let arm = link("arm", 0.1, [0.0, 0.0, 0.1], [1e-4, 1e-4, 2e-5], &collision([0.0, 0.0, 0.2], r#"<sphere radius="0.02"/>"#));
@@ -36,7 +36,8 @@ fn kernels_go_back_over_spins() {
         let case = spinning(scene, spin, ArticulatedConfig::implicit(substeps, Friction::Coulomb));
         let apart = back_apart(&case, &compiler, Real::F64);
         let median = apart[apart.len() / 2];
-        // A spin is found to 1e-7 of itself. Frames that their energy asks for more than eight times their substeps have slopes of eight times them.
+        // The angular velocity is found to a relative 1e-7. If the energy check asks for more than eight times the
+        // substeps, gradients use eight times the substeps.
         assert!(median < 1e-6 && apart[apart.len() - 5] < 1e-5, "{scene} at {spin} rad/s, x{substeps}: {apart:?}");
     }
 }

@@ -1,5 +1,5 @@
-//! What a batch promises for every solver: an environment is alone in its batch, a number of threads changes nothing, an
-//! error names its place and leaves the states as they were.
+//! Guarantees of a batch with every solver. Environments do not affect each other, and the number of threads changes
+//! nothing. An error names its place and leaves the states as they were.
 
 use super::common::*;
 
@@ -24,7 +24,7 @@ fn driven(batch: &mut Batch, solver: &mut dyn Solver, frames: usize) {
     (0..frames).for_each(|_| solver.step(batch, &torques).expect("finite"));
 }
 
-/// What one environment touches must not reach its neighbours, whose working memory it shares.
+/// Contacts of one environment must not affect its neighbour, which shares the working memory.
 #[test]
 fn environments_in_contact_leave_free_ones_alone() {
     let system = built_in("pendulum");

@@ -1,7 +1,7 @@
 //! Instruments around a solver have their documented effect and no other.
 
 use nerd_sim::instruments::{Glide, Hold, Recorder, Replay, Shaken, Timed};
-use nerd_sim::suite::bodies::Body;
+use nerd_suite::bodies::Body;
 
 use super::common::*;
 
@@ -35,7 +35,7 @@ fn timed_and_recorded_motion_is_the_same_and_replays() {
     assert!(refused.contains("12 numbers") && refused.contains("has 8"), "{refused}");
 }
 
-/// A frame in which one environment fails counts for the others.
+/// If one environment fails, the frame is recorded for the others.
 #[test]
 fn a_recorder_misses_no_frame() {
     let mut batch = pendulums(2);
@@ -59,7 +59,7 @@ fn shaking_is_normal_and_repeats() {
     assert!(states == run(3) && states != run(4));
     let noise: Vec<f64> = states.chunks_exact(4).flat_map(|s| &s[2..]).copied().collect();
     let spread = (noise.iter().map(|x| x * x).sum::<f64>() / noise.len() as f64).sqrt();
-    // 1000 numbers: the standard deviation's own is 2.2 %.
+    // With 1000 numbers, the relative error of the standard deviation is 2.2 %.
     assert!((spread / 0.1 - 1.0).abs() < 0.1, "standard deviation {spread}, 0.1 asked for");
 }
 

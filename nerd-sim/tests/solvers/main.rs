@@ -1,12 +1,12 @@
-//! Common guarantees of every solver, rapier behind the trait, instruments around solvers, and the suite.
+//! Common guarantees of every solver, gradients, rapier behind the trait, and instruments around solvers.
 
 #[cfg(feature = "rapier")]
 mod batches;
 #[path = "../common/mod.rs"]
 mod common;
 mod energy;
+mod gradients;
 mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;
-mod slopes;
-mod suite;
+mod sticking;

@@ -1,10 +1,10 @@
-//! What rapier must do behind the solver interface. Each test guards a fault that rapier has when used plainly: a floating root that
-//! drifts with its centre of mass off the origin, state that is not in (q, qd), contact seen too late, default damping, hard limits in
-//! place of the model's.
+//! rapier behind the solver interface. Each test guards against a fault of plain rapier. Its free roots drift when the
+//! centre of mass is off the origin, it keeps state outside (q, qd), and it sees contact too late. Its joints have
+//! default damping, and hard limits in place of the model's springs.
 
 use super::common::*;
 
-/// The tip meets the ground at about 10 m/s, 40 mm per outer step of 1/240 s: contact is seen at most one such step late.
+/// The tip hits the ground at about 10 m/s, 40 mm an outer step. Contact is seen at most one such step late.
 #[test]
 fn the_pendulum_does_not_sink_into_the_ground() {
     let system = built_in("pendulum");
@@ -31,8 +31,9 @@ fn the_pendulum_does_not_sink_into_the_ground() {
     assert!(depths[299] < 1e-3, "{:.3e} m at rest, bound 1e-3 m", depths[299]);
 }
 
-/// Free flight of two bodies on a hinge, their centres of mass off their origins, under gravity and torque, against Runge-Kutta: the
-/// difference must halve with the substep, or root coordinates, twists or torques are converted wrongly.
+/// Free flight of two bodies on a hinge, with centres of mass off their origins, under gravity and torque, against
+/// Runge-Kutta. The error must halve with the substep. Otherwise root coordinates, twists or torques are converted
+/// wrongly.
 #[test]
 fn a_floating_robot_converges_to_the_articulated_solution() {
     let [a, b] = ["a", "b"].map(|name| link(name, 2.0, [0.1, 0.0, 0.0], [0.02, 0.03, 0.04], ""));
@@ -52,8 +53,9 @@ fn a_floating_robot_converges_to_the_articulated_solution() {
     assert!(fine < 2e-2, "{fine:.2e} at 64 outer steps, bound 2e-2");
 }
 
-/// The Ant slides and turns on the ground, and the same turned about the vertical: along its own axes it moves alike, along the world's it
-/// does not, since rapier's friction pushes along two of those.
+/// The Ant slides and turns on the ground, from one state at two headings. The friction of rapier acts along two
+/// tangents. With tangents along the robot's axes the motion does not depend on the heading, along the world's axes it
+/// does.
 #[test]
 fn along_its_own_axes_a_robot_moves_alike_wherever_it_heads() {
     let system = built_in("ant");
@@ -78,8 +80,8 @@ fn along_its_own_axes_a_robot_moves_alike_wherever_it_heads() {
     assert!(own < 1e-8 && world > 1e-3, "joints differ by {own:.1e} rad along its own axes, by {world:.1e} along the world's");
 }
 
-/// The reference's cube dropped flat from 0.2 m: it stays down at 0, at 0.5 it rebounds to a quarter of the height. rapier
-/// makes the impact a few per cent too weak or too strong, as its step falls.
+/// The reference's cube, dropped flat from 0.2 m, stays down at restitution 0 and rebounds to a quarter at 0.5. The
+/// impact is a few per cent off, depending on where rapier's step falls.
 #[test]
 fn contacts_bounce_as_far_as_they_are_told_to() {
     let system = built_in("cube");
@@ -97,7 +99,8 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
     assert!(said.contains("restitution is 1.5"), "{said}");
 }
 
-/// A crate on a floor of a file: each pair of geoms has its own friction, what never meets falls through, and what rapier has not is refused.
+/// A crate on the floor of an MJCF: each pair of geoms has its friction, and geoms that never meet fall through.
+/// Contact properties that rapier lacks are refused.
 #[test]
 fn geoms_of_a_file_meet_as_it_says() {
     let after = |geom: &str, frames: usize| {
@@ -112,7 +115,7 @@ fn geoms_of_a_file_meet_as_it_says() {
         (0..frames).try_for_each(|_| solver.step(&mut batch, &[])).map(|()| batch.states)
     };
     let (slid, way) = (after(r#"friction=".2" priority="1""#, 90).expect("steps")[0], 1.0 / (2.0 * 0.2 * 9.81));
-    // What touches is held a frame later.
+    // rapier acts on a contact one frame later.
     assert!((slid - way - 1.0 / 60.0).abs() < 0.005, "it slides by {slid} m, not {way}");
     let smooth = after(r#"condim="1" priority="1""#, 60).expect("steps")[0];
     assert!((smooth - 1.0).abs() < 0.02, "without friction it slides by {smooth} m in 1 s");

@@ -1,9 +1,9 @@
-//! Settings derived from a URDF alone: which bases are free, contact that scales with the robot, starts within its limits and clear of the
-//! ground, and a TOML that sets a part of them.
+//! Settings derived from a URDF alone: base, contact that scales with the robot, starts within limits and above the
+//! ground. A TOML may set a part of them.
 
 use super::common::*;
 
-/// A block of this mass (kg) and size (m), its middle at a position of its link.
+/// A block of this mass (kg) and size (m), centred at `place` in its link.
 fn block(name: &str, mass: f64, [x, y, z]: [f64; 3], place: [f64; 3]) -> String {
     let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
     link(name, mass, place, [inertia(y, z), inertia(x, z), inertia(x, y)], &collision(place, &format!("<box size=\"{x} {y} {z}\"/>")))
@@ -19,7 +19,7 @@ fn trunk(scale: f64) -> String {
     block("trunk", 6.0 * scale.powi(3), [0.6 * scale, 0.3 * scale, 0.1 * scale], [0.0; 3])
 }
 
-/// A table on four hinged legs; `foot` is more of each leg.
+/// A table on four hinged legs; `foot` is appended to each leg's link.
 fn table(scale: f64, foot: &str) -> String {
     let (s, mass) = (|x: f64| x * scale, |m: f64| m * scale.powi(3));
     let mut parts = vec![trunk(scale)];
@@ -77,7 +77,7 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
     let [own, derived] = [&system, &plain].map(|system| system.spec.material);
     assert_eq!(own, Material { friction: 0.9, ..derived }, "the rest of the material, too");
-    for (key, words) in [("default = -90", ["default is -90", "in rad"]), ("kp = \"30 N\"", ["[[joint]] name = \"hip1\": ", "30 N"])] {
+    for (key, words) in [("default_q = -90", ["default_q is -90", "in rad"]), ("kp = \"30 N\"", ["[[joint]] name = \"hip1\": ", "30 N"])] {
         let said = read(&table(1.0, ""), Some(&text.replace("armature = 0.03", key))).err().map(|e| e.to_string());
         assert!(said.as_ref().is_some_and(|said| words.iter().all(|word| said.contains(word))), "{said:?}");
     }
@@ -89,7 +89,7 @@ fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
     let tip = [link("tip", 0.1, [0.0; 3], [0.0; 3], ""), hinge("spin", ["link3", "tip"], [0.0, 0.0, 0.3], 50.0)].concat();
     let system = read(&arm().replace("</robot>", &(tip + "</robot>")), None).expect("a robot");
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
-    // 50 N m bring it to 10 rad/s in 10 ms.
+    // 50 N m accelerate it to 10 rad/s in 10 ms.
     assert_eq!(armatures, [0.0, 0.0, 0.0, 0.05]);
     assert!(system.notes.iter().any(|n| n.contains("guessed armature") && n.contains("spin 0.05")), "{:?}", system.notes);
 }
@@ -104,7 +104,8 @@ fn the_printed_specification_is_the_robot() {
     }
 }
 
-/// Tables from a toy's size to a house's: at rest the depth is a thousandth of the size, and starts are clear of the ground.
+/// Tables from a toy's size to a house's rest at a penetration of a thousandth of the size. Starts are clear of the
+/// ground.
 #[test]
 fn contact_scales_with_the_robot() {
     for scale in [0.1, 1.0, 10.0] {
@@ -126,7 +127,7 @@ fn contact_scales_with_the_robot() {
     }
 }
 
-/// A robot keeps the contact points on which it rests: balls at the ends of legs, and a height at which they touch.
+/// A robot keeps the contact points on which it rests: balls at the ends of legs. Its default height makes them touch.
 #[test]
 fn what_stands_keeps_its_feet() {
     let system = read(&table(1.0, &collision([0.0, 0.0, -0.3], "<sphere radius=\"0.04\"/>")), None).expect("a robot");
@@ -137,7 +138,8 @@ fn what_stands_keeps_its_feet() {
     assert!((system.default_state()[2] - 0.34).abs() < 1e-6, "stands at {} m", system.default_state()[2]);
 }
 
-/// Gaps are measured from the centres of balls, and the balls of small feet are nearer to the ground than a belly's radius.
+/// Gaps are distances from ball centres less radii. Here centres of small feet are nearer to the ground than a belly's
+/// radius.
 #[test]
 fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
     let [foot, belly] = [([0.0, 0.0, -0.3], 0.02), ([0.0; 3], 0.28)].map(|(at, r)| collision(at, &format!("<sphere radius=\"{r}\"/>")));
@@ -153,7 +155,7 @@ fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
     }
 }
 
-/// A cylinder as a robot, from a coin to a column: some start is clear of the ground.
+/// A lone cylinder, from a coin to a column, is a robot that stands on its end.
 #[test]
 fn a_cylinder_alone_is_a_robot() {
     for length in [0.005, 0.1, 0.12, 0.15, 1.0] {
@@ -163,7 +165,7 @@ fn a_cylinder_alone_is_a_robot() {
     }
 }
 
-/// An arm on a table that is its root falls on it: the tool's lowest corner rests on the table, whichever side of it is down.
+/// An arm falls onto the table that is its root link. The tool's lowest corner rests on the table, on either side.
 #[test]
 fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
     let mut parts = vec![block("table", 20.0, [1.6, 1.6, 0.05], [0.0, 0.0, -0.025])];
@@ -193,7 +195,7 @@ fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
     }
 }
 
-/// Time is linear in their number, not cubic.
+/// Reading time is linear in the number of spheres, not cubic.
 #[test]
 fn two_thousand_spheres_on_a_link_are_read_in_seconds() {
     let spheres = |n: usize| (0..n).map(|k| collision([0.0, 0.0, 0.001 * k as f64], r#"<sphere radius="0.1"/>"#)).collect::<String>();

@@ -6,25 +6,26 @@ use nerd_sim::prelude::*;
 /// Rows of heights, the row of the largest y first.
 const DRAWN: [[u8; 4]; 3] = [[0, 50, 100, 0], [50, 100, 150, 0], [100, 150, 200, 0]];
 
-/// Balls that slide down along z onto two fields and a plane below them. Not `simple`, which MuJoCo takes for three times as light.
+/// Frictionless balls on vertical slides, above two fields and a plane. MuJoCo's friction creeps and would not hold the
+/// balls. They are not `simple`, since MuJoCo takes a simple body for three times as light.
 fn file(drawn: &str) -> String {
     let ball = |[x, y]: [f64; 2]| {
         format!(r#"<body simple="false" pos="{x} {y} 2"><joint type="slide" axis="0 0 1" damping="2"/><geom size=".1" mass="1"/></body>"#)
     };
     let balls: String = PLACES.map(ball).concat();
     format!(
-        r#"<mujoco><asset><hfield name="inline" nrow="3" ncol="4" size="1.5 1 .8 .1" elevation="2 3 4 5 1 2 3 4 0 1 2 3"/>
+        r#"<mujoco><default><geom condim="1"/></default><asset><hfield name="inline" nrow="3" ncol="4" size="1.5 1 .8 .1" elevation="2 3 4 5 1 2 3 4 0 1 2 3"/>
         <hfield name="drawn" file="{drawn}" size="1.5 1 .8 .1"/></asset><worldbody><geom type="plane" size="0 0 1" pos="0 0 -.05"/>
         <geom type="hfield" hfield="inline" pos="0 0 .2" euler="0 0 90"/><geom type="hfield" hfield="drawn" pos="5 0 0"/>{balls}</worldbody>
         </mujoco>"#
     )
 }
 
-/// Two on each field and one beside the first, and their heights (m) in MuJoCo after 10 s.
+/// Positions (x, y) of balls, and their heights (m) in MuJoCo after 10 s. Two are on each field, one beside the first.
 const PLACES: [[f64; 2]; 5] = [[0.3, 0.4], [-0.7, -1.2], [5.2, 0.35], [4.0, -0.6], [1.3, 0.0]];
 const HEIGHTS: [f64; 5] = [0.718379, 0.622379, 0.573770, 0.523770, 0.049858];
 
-/// A grey picture of the heights, in 8 bits, or in 16, whose lower byte is ignored.
+/// A greyscale PNG of the heights in 8 bits, or in 16 bits with an arbitrary lower byte, which is ignored.
 fn picture(path: &std::path::Path, wide: bool) {
     let mut encoder = png::Encoder::new(std::fs::File::create(path).expect("a file"), 4, 3);
     encoder.set_color(png::ColorType::Grayscale);
@@ -55,7 +56,7 @@ fn balls_rest_on_height_fields_as_in_mujoco() {
     }
 }
 
-/// Beside a block, at its edges and under its foot: distances (m) and normals of hand.
+/// A point beside a block, at its edges, inside it and below it: distances (m) and normals by hand.
 #[test]
 fn a_height_field_of_a_file_ends() {
     let field = Field::block([1.0, 0.5], [3, 3], vec![0.3; 9], 0.2).expect("nine heights");

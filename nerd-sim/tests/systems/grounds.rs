@@ -1,9 +1,9 @@
-//! Starts of robots from MJCF: on the ground of their file, at any inclination and with any axis up, and on a TOML's ground.
+//! Starts of robots from MJCF on the file's ground, at any inclination and with any axis up, and on a TOML's ground.
 
 use super::common::{at, end};
 use nerd_sim::prelude::*;
 
-/// A crate 0.2 m wide, its middle at a place of the file, and a floor.
+/// A crate 0.2 m wide, centred at `at`, and a floor.
 fn file(option: &str, floor: &str, at: &str) -> String {
     format!(
         r#"<mujoco><option {option}/><worldbody><geom type="plane" size="5 5 .1" {floor}/><body name="crate" pos="{at}"><freejoint/>
@@ -22,7 +22,7 @@ fn gap(system: &System, scene: &str, state: &[f64]) -> f64 {
     events.iter().zip(&system.robot.contact_points).map(|(event, point)| event.distance - point.radius).fold(f64::MAX, f64::min)
 }
 
-/// The pose touches the ground, and starts are above it by at most a share of the diagonal.
+/// The default pose touches the ground, and starts are above it by at most a share of the diagonal.
 #[test]
 fn a_robot_starts_on_the_ground_of_its_file_however_it_lies() {
     let (down, up) = (r#"gravity="0 0 -9.81""#, "0 0 .1");
@@ -70,7 +70,7 @@ fn a_robot_inside_of_what_stands_starts_above_it() {
     }
 }
 
-/// With y up the ground carries it: after a second its depth is a thousandth of its width.
+/// With y up the ground carries the crate: after a second its penetration is below a hundredth of its width.
 #[test]
 fn a_robot_stands_where_y_is_up() {
     let system = Arc::new(read(&file(r#"gravity="0 -9.81 0""#, r#"euler="-90 0 0""#, "0 .1 0"), "").expect("a crate"));
@@ -79,7 +79,7 @@ fn a_robot_stands_where_y_is_up() {
     assert!((0.0..1e-3).contains(&give) && last[0].abs() < 1e-4 && last[2].abs() < 1e-4, "its middle is at {:?}", &last[..3]);
 }
 
-/// Scenes are merged by name: the file's own stays beside a TOML's, which may replace it or become the data's.
+/// Scenes are merged by name: a TOML's scenes are added to the file's, may replace it or become the data scene.
 #[test]
 fn scenes_of_a_toml_are_beside_that_of_the_file() {
     let text = file("", r#"pos="0 0 2""#, "0 0 0");
@@ -98,10 +98,11 @@ fn scenes_of_a_toml_are_beside_that_of_the_file() {
     }
 }
 
-/// Errors for a robot without a TOML name no key of one; errors of derived settings name only keys to write.
+/// Errors for a robot without a TOML name no key of a TOML. Errors of derived settings name only keys that can be
+/// written.
 #[test]
 fn refusals_speak_of_what_was_written() {
-    let hill = "data_scene = \"hill\"\n[[scene]]\nname = \"hill\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\nbox = [{ size = [9, 9, 9], at = [0, 0, 0] }]\n";
+    let hill = "data_scene = \"hill\"\n[[scene]]\nname = \"hill\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\nbox = [{ size = [9, 9, 9], position = [0, 0, 0] }]\n";
     let error = read(&file("", "", "0 0 0"), hill).expect_err("no start is clear of the box").to_string();
     assert!(error.contains("scene `hill`") && error.contains("[root] in a .toml") && !error.contains("[root."), "{error}");
     let text = file("", "", "0 0 0")

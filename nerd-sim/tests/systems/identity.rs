@@ -5,7 +5,7 @@ use super::common::*;
 const URDF: &str = include_str!("../../assets/pendulum.urdf");
 const TOML: &str = include_str!("../../assets/pendulum.toml");
 
-/// Of the robot, and of the whole system.
+/// Hashes of the robot, and of the whole system.
 fn hashes(urdf: &str, toml: &str) -> [String; 2] {
     let system = System::from_text("pendulum", urdf, Some(toml)).expect("valid");
     [system.robot_sha256(), system.sha256()]
@@ -22,7 +22,7 @@ fn how_it_is_written_changes_nothing() {
         ("U(-2pi, 2pi)", "U(-6.283185307179586, 2pi)"),
         ("\"tau1\"", "\"tau_shoulder\""),
         ("urdf = \"pendulum.urdf\"\n", ""),
-        // The truth of its models is on their cards.
+        // `truth` is on the cards of models, so it is not hashed.
         ("substeps = 8", "substeps = 8\ntruth = \"paper\""),
     ] {
         assert_eq!(hashes(URDF, &changed(TOML, from, to)), ours, "`{from}` as `{to}`");
@@ -30,7 +30,7 @@ fn how_it_is_written_changes_nothing() {
     assert_eq!(hashes(URDF, &format!("substeps = 8\n{}", changed(TOML, "substeps = 8", ""))), ours, "another order of keys");
     let spaced = URDF.replace("><", ">\n <!-- here --> <").replace("<robot ", "<robot\n  ");
     assert_eq!(hashes(&spaced, TOML), ours);
-    // The other order of the joints' tables: they go by name.
+    // Tables of joints in another order: they are matched by name.
     let at: Vec<usize> = TOML.match_indices("[[joint]]").chain(TOML.match_indices("[[contact]]")).map(|m| m.0).collect();
     let (first, second) = (&TOML[at[0]..at[1]], &TOML[at[1]..at[2]]);
     assert_eq!(hashes(URDF, &changed(TOML, &format!("{first}{second}"), &format!("{second}{first}"))), ours);
@@ -49,7 +49,7 @@ fn hashes_stay_what_they_were() {
     }
 }
 
-/// Changes to its motion change both hashes; changes to data recording change the system's alone.
+/// Changes to the motion change both hashes; changes to data recording change the system's alone.
 #[test]
 fn what_matters_is_seen() {
     let ours = hashes(URDF, TOML);

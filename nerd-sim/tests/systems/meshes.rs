@@ -1,4 +1,4 @@
-//! Robots described by meshes use them for contact.
+//! Contact points of robots described by meshes: STL, OBJ, COLLADA, glTF and PLY.
 
 use std::{f64::consts::TAU, path::Path};
 
@@ -7,7 +7,7 @@ use rand::RngExt;
 
 use super::common::*;
 
-/// A binary STL of a box's twelve triangles, of these half edges (mm), with a header of its own.
+/// A binary STL of a box's twelve triangles, with these half edges (mm) and this header.
 fn stl(half: [f32; 3], header: &str) -> Vec<u8> {
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { half[axis] } else { -half[axis] });
     let faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
@@ -24,7 +24,7 @@ fn stl(half: [f32; 3], header: &str) -> Vec<u8> {
     bytes
 }
 
-/// A brick of 0.4 x 0.2 x 0.1 m whose only shape is a mesh in a package beside it.
+/// A brick of 0.4 x 0.2 x 0.1 m with one shape, a mesh in a package beside it.
 fn brick(folder: &Path, mesh: &str) -> std::path::PathBuf {
     let robots = folder.join("bricks/robots");
     std::fs::create_dir_all(&robots).expect("a folder");
@@ -40,7 +40,7 @@ fn brick(folder: &Path, mesh: &str) -> std::path::PathBuf {
 fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
-    // A header that looks like a text's.
+    // The header looks like a text STL's.
     std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "solid brick")).expect("a file");
     let system = System::named(&path.display().to_string()).expect("a brick");
     assert!(system.meshes.is_empty() && system.notes.is_empty(), "{:?}", system.notes);
@@ -49,7 +49,7 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
         let off = (p.local.abs() - Vector3::new(0.2, 0.1, 0.05)).amax();
         assert!(off < 1e-6, "{:?} is {off:.1e} m from a corner", p.local);
     }
-    // Let go 2 cm above the ground it comes to rest on its large face.
+    // Dropped from 2 cm above the ground, it comes to rest on its large face.
     let mut state = system.default_state();
     state[2] = 0.07;
     let height = end(&mut implicit(16), at(&system, "ground", &state), 0.0, 180)[2];
@@ -72,8 +72,8 @@ fn extent(name: &str, bytes: impl AsRef<[u8]>) -> [[f64; 3]; 2] {
     [f64::min, f64::max].map(|pick| [0, 1, 2].map(|k| all.iter().map(|p| p[k]).reduce(pick).expect("a corner")))
 }
 
-/// Faces of an OBJ may refer to normals and textures or not; a hull uses the vertices. In a COLLADA file nodes place their geometry, as
-/// often as they show it.
+/// Faces of an OBJ may refer to normals and textures or not; a hull uses the vertices. In a COLLADA file, nodes place a
+/// geometry once for each reference to it.
 #[test]
 fn meshes_of_other_kinds_are_where_their_files_put_them() {
     let corners = (0..8).map(|k| [1, 2, 4].map(|bit| if k & bit == 0 { -100.0 } else { 100.0 }));
@@ -90,7 +90,7 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
             corners.join(" ")
         )
     };
-    // In millimetres times the file's unit of two.
+    // Scaled by 0.001 in the URDF and by the file's unit of 2 m.
     let twice = r##"<node><translate>1000 0 0</translate><instance_geometry url="#g"/></node><node><translate>-1000 0 0</translate><instance_geometry url="#g"/></node>"##;
     assert_eq!(extent("twice.dae", dae(twice)), [[-2.2, -0.2, -0.2], [2.2, 0.2, 0.2]]);
     // A quarter turn about x takes the z of the inner node to -y.
@@ -98,7 +98,7 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
     let [low, high] = extent("inner.dae", dae(inner));
     let off = low.iter().zip([-0.2, -1.2, -0.2]).chain(high.iter().zip([0.2, -0.8, 0.2])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(off < 1e-9, "{low:?} to {high:?}, off by {off:.1e} m");
-    // Sixty nodes that show the next one twice, and one that shows itself, end in a line.
+    // Sixty nodes that each show the next one twice, and a node that shows itself, end in a note.
     let doubling: String =
         (0..60).map(|k| format!(r##"<node id="d{k}">{}</node>"##, format!(r##"<instance_node url="#d{}"/>"##, k + 1).repeat(2))).collect();
     for (nodes, what) in
@@ -121,7 +121,8 @@ fn gltf(nodes: &str, buffer: &str, accessor: &str) -> String {
 const INSIDE: &str = r#","uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAA""#;
 const ONE: &str = r#""bufferView":0,"count":1"#;
 
-/// A glTF's nodes place its meshes, whether its buffer is inside, beside it or in a binary file. PLY as text and in both orders of bytes.
+/// A glTF's nodes place its meshes, with the buffer inside, beside it or in a binary file. PLY is read as text and in
+/// both byte orders.
 #[test]
 fn gltf_and_ply_are_where_their_files_put_them() {
     // A quarter turn about x takes a child node's z to -y.
@@ -194,7 +195,7 @@ fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
     }
 }
 
-/// A missing mesh is noted, too; with zero points requested, none is searched.
+/// A missing mesh is noted. With `mesh_points = 0` none is searched.
 #[test]
 fn a_mesh_that_is_not_there_is_said() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -209,7 +210,7 @@ fn a_mesh_that_is_not_there_is_said() {
     assert!(system().robot.contact_points.is_empty());
 }
 
-/// In any attitude the lowest place of a robot of many vertices, balls and wheels is one of its few contact points, within 2 mm.
+/// In any attitude, one of few contact points is within 2 mm of the lowest point of vertices, balls and wheels.
 #[test]
 fn the_lowest_place_is_a_contact_point_in_every_attitude() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -218,7 +219,7 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
         let one = |_| Vector3::from_fn(|_, _| normal(&mut rng)).normalize().component_mul(&Vector3::from(half));
         (0..count).map(one).collect()
     };
-    // An egg as a trunk; shins that narrow to a ball, with a capsule hidden in them; a sole; two tyres.
+    // An ellipsoid as trunk; shins that narrow to a ball, with a hidden capsule; a sole; two tyres.
     let sides = (0..120).map(|k| (f64::from(k) * TAU / 120.0).sin_cos());
     let profile = [[-0.02, 0.085], [-0.01, 0.1], [0.01, 0.1], [0.02, 0.085]];
     let tyre = sides.flat_map(|(sin, cos)| profile.map(|[y, r]| Vector3::new(r * cos, y, r * sin))).collect();
@@ -294,7 +295,7 @@ fn files_beside_a_robot_that_are_nested_deep_are_passed_over() {
     std::fs::write(folder.path().join("bricks/srdf/brick.srdf"), &deep).expect("a file");
     let notes = System::named(&path.display().to_string()).expect("a brick").notes.join("; ");
     assert!(notes.contains("elements nested more than 256 deep"), "{notes}");
-    // The poses are looked for where no TOML has them.
+    // Poses of an SRDF are looked for where no TOML gives them.
     std::fs::remove_file(path.with_extension("toml")).expect("removed");
     System::named(&path.display().to_string()).expect("a brick");
 }

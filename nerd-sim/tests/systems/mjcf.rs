@@ -1,4 +1,4 @@
-//! MJCF: a written file can be read again; a file read obeys MuJoCo's rules, or is refused by name and line.
+//! MJCF: a written file can be read again. A file that is read obeys MuJoCo's rules, or is refused by name and line.
 
 use nerd_sim::mjcf::{mjcf, mjcf_of_our_contact};
 use nerd_sim::prelude::*;
@@ -19,7 +19,7 @@ fn refusal(text: &str) -> String {
     error
 }
 
-/// Free accelerations at a start, with the joints' damping and springs.
+/// Accelerations qdd at a state, under the joints' damping and springs alone.
 fn accelerations(system: &System, state: &[f64]) -> Vec<f64> {
     let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
     let local = twist.to_local(robot, q);
@@ -50,7 +50,7 @@ fn what_is_written_is_read_again() {
     }
 }
 
-/// MuJoCo scales a contact's spring and damper by the inertia at the body's centre of mass: for a free body its mass.
+/// MuJoCo scales a contact's spring and damper by the inertia at the body's centre of mass, here the mass.
 #[test]
 fn our_contact_is_written_as_mujoco_scales_it() {
     let system = System::named("cube").expect("built in");
@@ -74,7 +74,7 @@ fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
         let text = format!("<mujoco><compiler {settings}/><worldbody><body><freejoint/><geom {geom}/></body></worldbody></mujoco>");
         read(&text).robot.links[0].inertia
     };
-    // A capsule without length is a ball of water; a long one of a given mass is a rod about its middle.
+    // A capsule without length is a ball of water. A thin capsule of a given mass is a rod about its middle.
     let (ball, point) = (moments(r#"type="sphere" size=".1""#, ""), moments(r#"type="capsule" size=".1 1e-15""#, ""));
     assert!(
         (ball.mass - 4188.790 * 1e-3).abs() < 1e-6 && (ball.inertia[(0, 0)] / (0.4 * ball.mass * 0.01) - 1.0).abs() < 1e-12,
@@ -85,7 +85,7 @@ fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
     let across = Vector3::new(0.0, 0.6, 0.8);
     let expected = (Matrix3::identity() - across * across.transpose()) * (2.0 * 25.0 / 12.0);
     assert!((rod.inertia - expected).amax() < 1e-3 && (rod.com - Vector3::new(0.0, 1.5, 2.0)).norm() < 1e-12, "{rod:?}");
-    // Inertias without a body to have them are balanced, masses bounded, and the total set.
+    // `balanceinertia`, `boundmass` and `boundinertia` act, and `settotalmass` scales the total.
     let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 7""#;
     assert!((moments(inertial, r#"balanceinertia="true""#).inertia - Matrix3::identity() * 3.0).amax() < 1e-12);
     let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 1.5""#;
@@ -98,7 +98,7 @@ fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
     );
 }
 
-/// Two joints away from their body's origin, one of them counting from 30 degrees: a site moves as rotated about them.
+/// Two joints away from their body's origin, with `ref` 0.5 m and 30 degrees: a site moves as rotated about them.
 #[test]
 fn joints_of_one_body_are_a_chain_in_their_own_coordinates() {
     let system = robot(
@@ -128,7 +128,7 @@ fn classes_give_what_elements_leave_out() {
     assert!(shapes[1].pose.translation.z == 1.0 && matches!(shapes[1].kind, nerd_sim::nerd_core::robot::ShapeKind::Sphere { radius: 2.0 }));
 }
 
-/// Position actuators of all of an arm's joints are its controller; with any other, actions are torques.
+/// Position actuators of all of an arm's joints become its controller; with any other actuator, actions are torques.
 #[test]
 fn an_arm_with_position_actuators_is_held_by_them() {
     let body = |k: usize, inner: &str| {
@@ -141,7 +141,7 @@ fn an_arm_with_position_actuators_is_held_by_them() {
     let [first, second] = [1, 2].map(|k| format!(r#"<position joint="j{k}" kp="40" kv="2" forcerange="-9 9"/>"#));
     let held = arm(&(first.clone() + &second));
     let control = held.control.expect("a controller");
-    assert!(control.scale == 1.0 && control.clamp && control.ahead && !control.relative, "{control:?}");
+    assert!(control.scale == 1.0 && control.clamp && control.stable_pd && !control.relative, "{control:?}");
     assert_eq!([held.joints[0].kp, held.joints[0].kd, held.joints[0].gain.unwrap_or(0.0)], [40.0, 2.0, 9.0]);
     let strong = arm(&(first.clone() + r#"<position joint="j2" kp="40"/>"#)).control.expect("a controller");
     assert!(!strong.clamp, "an actuator without a largest force is not kept within one");
@@ -150,7 +150,7 @@ fn an_arm_with_position_actuators_is_held_by_them() {
     }
 }
 
-/// Drives, springs, a coupling, a pose and a ground of a standing robot; also elements without effect on motion.
+/// Drives, springs, a coupling, a pose and the ground become keys. Elements without effect on motion are accepted.
 #[test]
 fn what_no_urdf_says_becomes_keys() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -177,12 +177,12 @@ fn what_no_urdf_says_becomes_keys() {
     let mimic = robot.follower().and_then(Joint::mimic).expect("j2 follows");
     assert_eq!([mimic.multiplier, mimic.offset, specs[0].armature, specs[1].armature], [-2.0, 0.1, 0.1 + 4.0 * 0.2, 0.3]);
     assert_eq!([specs[0].kp, specs[0].kd, specs[0].stiffness, specs[1].kp, specs[1].kd], [28.0, 8.0, 3.0, 0.0, 5.0]);
-    assert_eq!([specs[0].default, specs[1].default, robot.joints().next().expect("j1").effort], [0.3, 0.4, 6.0]);
+    assert_eq!([specs[0].default_q, specs[1].default_q, robot.joints().next().expect("j1").effort], [0.3, 0.4, 6.0]);
     assert_eq!(
         (system.gravity(), system.spec.data_scene.as_deref(), system.spec.material.friction),
         (Vector3::z() * -5.0, Some("ground"), 1.0)
     );
-    // It stands on the ground of its file.
+    // The default pose stands on the ground of the file.
     let (state, ground) = (system.default_state(), system.scene("ground").expect("its ground"));
     let mut events = Vec::new();
     contacts(&system, &ground, &state, &mut system.data(), &mut events);
@@ -229,7 +229,7 @@ fn what_matters_and_is_not_understood_is_refused_by_name_and_line() {
     }
 }
 
-/// Geoms with different contact properties in a file meet by explicit pairs, each with its numbers.
+/// Geoms with different contact properties are written as explicit pairs, each with its numbers.
 #[test]
 fn contacts_by_pair_are_written_as_pairs() {
     let system = crawler();
@@ -246,7 +246,7 @@ fn contacts_by_pair_are_written_as_pairs() {
     ];
     assert_eq!(told, expected);
     assert!(pairs.iter().all(|line| of(line, "solref").as_deref() == Some("0.02 1")), "{pairs:?}");
-    // With our contact each is as soft as its own material.
+    // With our contact each pair is as soft as its own material.
     let ours = mjcf_of_our_contact(&system, &scene).expect("written");
     let soft: Vec<f64> = ours
         .lines()
@@ -255,6 +255,6 @@ fn contacts_by_pair_are_written_as_pairs() {
         .collect();
     let met = system.robot.contact_points.iter().filter_map(|point| Some(system.meeting(point, &scene.colliders[0])?.stiffness));
     let met: Vec<f64> = met.collect();
-    // The softnesses of two mirrored legs.
+    // Stiffnesses of two mirrored legs.
     assert!((soft[0] / soft[1] / (met[0] / met[1]) - 1.0).abs() < 1e-9, "{soft:?}");
 }

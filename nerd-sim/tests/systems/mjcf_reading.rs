@@ -13,7 +13,7 @@ fn read(text: &str) -> System {
     System::from_text("r", text, None).unwrap_or_else(|e| panic!("{text}: {e}"))
 }
 
-/// The joint of an arm with such defaults, and its actuator.
+/// The arm's joint, as read with these defaults and this actuator.
 fn driven(defaults: &str, actuator: &str) -> JointSpec {
     let text = format!("<mujoco><compiler angle=\"radian\"/><default>{defaults}</default>{ARM}<actuator>{actuator}</actuator></mujoco>");
     read(&text).spec.joints[0].clone()
@@ -33,7 +33,7 @@ fn actuators_of_all_kinds_share_the_default_of_a_class() {
     assert_eq!(reset.kp, 4.0, "kp is 1 again, and the gear counts twice");
 }
 
-/// `kd = 2 ratio sqrt(kp m)` with the joint's inertia m: of the capsule about its end, and its armature.
+/// `kd = 2 ratio sqrt(kp m)`, where the joint's inertia m is the capsule's about its end plus the armature.
 #[test]
 fn a_damping_ratio_counts_from_the_joints_inertia() {
     let own = driven("<joint armature=\".02\"/>", r#"<position joint="a" kp="50" dampratio=".7"/>"#);
@@ -44,7 +44,7 @@ fn a_damping_ratio_counts_from_the_joints_inertia() {
     assert_eq!([saved.kp, saved.kd], [50.0, 2.0]);
 }
 
-/// A tendon over two fingers, one of which follows the other, acts on one coordinate.
+/// A tendon over two fingers, one a follower of the other, acts on one coordinate.
 #[test]
 fn an_actuator_on_a_tendon_of_one_coordinate_is_read() {
     let finger = |k: usize| format!(r#"<body pos="0 .{k} 0"><joint name="f{k}" type="slide" axis="0 1 0"/><geom size=".1"/></body>"#);
@@ -58,7 +58,7 @@ fn an_actuator_on_a_tendon_of_one_coordinate_is_read() {
     assert_eq!(([joint.kp, joint.kd], joint.gain), ([100.0, 10.0], Some(20.0)));
 }
 
-/// A tendon that keeps its length makes one of its two joints follow the other; a joint with coefficient 0 has no part in one.
+/// A tendon of constant length makes one of its two joints follow the other. A joint with coefficient 0 takes no part.
 #[test]
 fn a_taut_tendon_of_two_joints_couples_them() {
     let finger =
@@ -84,8 +84,8 @@ fn a_taut_tendon_of_two_joints_couples_them() {
     assert!(refused.contains("`one` is no fixed tendon of two joints"), "{refused}");
 }
 
-/// Static objects under a bolted-down robot are in its scene, with meshes; only pairs that the file allows meet, and a start may be as deep
-/// as the file's own pose.
+/// Static objects under a bolted-down robot are in its scene, with meshes. Only pairs that the file allows meet, and a
+/// start may be as deep as the file's own pose.
 #[test]
 fn what_an_arm_is_bolted_to_is_in_its_scene() {
     let corner = |k: usize| format!("{} {} {} ", 0.2 * (k & 1) as f64 - 0.1, 0.1 * (k & 2) as f64 - 0.1, 0.025 * (k & 4) as f64);
@@ -115,7 +115,7 @@ fn what_an_arm_is_bolted_to_is_in_its_scene() {
     assert!(deep < -1e3, "what is excluded meets: {deep} m deep");
 }
 
-/// Sizes and places are those that MuJoCo's compiler fits to a brick of edges .1, .2, .4 m.
+/// Sizes and positions as MuJoCo's compiler fits them to a brick with edges of .1, .2 and .4 m.
 #[test]
 fn primitives_are_fitted_to_meshes() {
     let corner = |k: usize| format!("{} {} {} ", 0.1 * (k & 1) as f64, 0.1 * (k & 2) as f64, 0.1 * (k & 4) as f64);
@@ -142,7 +142,7 @@ fn primitives_are_fitted_to_meshes() {
     }
 }
 
-/// `gravcomp` takes weight off, a free root's armature weighs nothing and its damping slows it down.
+/// `gravcomp` cancels weight. A free root's armature adds inertia without weight, and its damping slows the root down.
 #[test]
 fn gravity_compensation_and_a_damped_root_act_as_said() {
     let arm = |gravcomp: f64| ARM.replace("<body name=\"arm\"", &format!("<body name=\"arm\" gravcomp=\"{gravcomp}\""));
@@ -175,7 +175,7 @@ fn gravity_compensation_and_a_damped_root_act_as_said() {
     assert!(refused(r#"<joint type="free" damping="9e3"/>"#).contains("within a step"));
 }
 
-/// For an open mesh MuJoCo counts all pyramids about the centre found first: a unit cube without its lid.
+/// For an open mesh, a unit cube without its lid, MuJoCo counts all pyramids about the centre found first.
 #[test]
 fn an_open_mesh_has_the_inertia_of_the_compiler() {
     let corner = |k: usize| format!("{} {} {} ", k & 1, k >> 1 & 1, k >> 2);
@@ -209,7 +209,7 @@ fn a_range_without_width_is_none() {
     assert_eq!([bounded("-4 4"), bounded("0 0")], [Some(4.0), Some(f64::INFINITY)]);
 }
 
-/// A site by its ends is in their middle; a point of a body counts from the body's frame, wherever its joint is.
+/// A site given by its ends is in their middle. A body's frame is the file's, wherever its joint is.
 #[test]
 fn sites_and_bodies_have_the_frames_of_the_file() {
     let text = r#"<mujoco><worldbody><body name="arm" pos=".2 0 1"><joint name="a" axis="0 1 0" pos="-.2 0 .3"/><geom size=".1"/>
@@ -221,7 +221,7 @@ fn sites_and_bodies_have_the_frames_of_the_file() {
     assert!((at("s").rotation * Vector3::z() + Vector3::x()).norm() < 1e-12, "z points from its second end to its first");
 }
 
-/// Files include each other from their own folders, and meshes lie beside the included file; the brick's mass is its mesh's.
+/// Files include others from their own folders, with meshes beside the included file. The brick's mass is its mesh's.
 #[test]
 fn included_files_find_what_lies_beside_them() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -240,7 +240,7 @@ fn included_files_find_what_lies_beside_them() {
     let main = write("main.xml", r#"<mujoco><compiler meshdir="away"/><include file="kit/outer.xml"/></mujoco>"#);
     let system = System::named(&main).unwrap_or_else(|e| panic!("{e}"));
     let own = system.robot.links[0].inertia;
-    // Vertices are in 32 bits.
+    // Vertices are in f32.
     let edge = f64::from(0.1f32);
     assert!((own.mass - 500.0 * edge.powi(3)).abs() < 1e-12 && (own.com - Vector3::repeat(0.5 * edge)).norm() < 1e-12, "{own:?}");
     assert!((own.inertia - Matrix3::identity() * (own.mass * edge * edge / 6.0)).amax() < 1e-12, "{own:?}");
@@ -251,7 +251,7 @@ fn included_files_find_what_lies_beside_them() {
     assert_eq!(near.robot.contact_points.len(), system.robot.contact_points.len(), "by a path that begins with {up}");
 }
 
-/// Geoms of a mocap body, and of its children, are static; a tilted floor and a world with y up become the scene.
+/// Geoms of a mocap body and its children are static. A tilted floor and a world with y up become the scene.
 #[test]
 fn targets_and_tilted_worlds_are_scenes() {
     let text = |gravity: &str, euler: &str, target: &str| {
@@ -280,7 +280,7 @@ fn targets_and_tilted_worlds_are_scenes() {
     );
 }
 
-/// Copies are turned and moved from one to the next, attached models keep their own angles and classes.
+/// Copies are rotated and shifted from one to the next; attached models keep their own angle units and classes.
 #[test]
 fn copies_and_attached_models_are_written_out() {
     let spokes = r#"<mujoco><worldbody><replicate count="4" euler="0 0 90" sep="-"><body name="spoke" pos="1 0 0"><joint name="j" axis="0 1 0"/><geom size=".1"/></body>
@@ -304,7 +304,8 @@ fn copies_and_attached_models_are_written_out() {
     assert!((turned + Vector3::x()).norm() < 1e-9, "two quarter turns: {turned}");
 }
 
-/// A copy's angles are multiplied, not its rotation; MuJoCo 4.0 puts the fourth at (1.75023804, 1.88740298, -0.38340595) m.
+/// A copy's angles are multiplied, not its rotation; MuJoCo 4.0 puts the fourth at (1.75023804, 1.88740298,
+/// -0.38340595) m.
 #[test]
 fn copies_turn_by_multiples_of_their_angles() {
     let text = r#"<mujoco><worldbody><body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><replicate count="4" offset="1 0 0"
@@ -314,7 +315,7 @@ fn copies_turn_by_multiples_of_their_angles() {
     assert!((last - Vector3::new(1.75023804, 1.88740298, -0.38340595)).amax() < 1e-7, "{last:?}");
 }
 
-/// Actuators of a group that is off do nothing.
+/// Actuators of a disabled group do nothing.
 #[test]
 fn groups_of_actuators_that_are_off_do_nothing() {
     let kp = |off: &str, own: &str, class: &str| {

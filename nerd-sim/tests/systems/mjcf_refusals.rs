@@ -1,4 +1,5 @@
-//! Files that MuJoCo's compiler refuses are never accepted silently: one row for each kind of fault, in an otherwise valid file.
+//! Files that MuJoCo's compiler refuses are refused here, too: one row for each kind of fault, in an otherwise valid
+//! file.
 
 use nerd_sim::prelude::*;
 
@@ -133,7 +134,7 @@ fn what_mujocos_compiler_takes_is_taken() {
     }
 }
 
-/// The original name of copies stands for all of them, and each has its own.
+/// The original name of copies stands for all of them, and each copy has a name.
 #[test]
 fn copies_are_spoken_of_by_both_names() {
     let text = |sensor: &str| {

@@ -1,4 +1,4 @@
-//! Sampling ranges as text: accepted ones are finite and within their bounds, others are refused in one line.
+//! Sampling ranges as text: accepted ranges are finite and draw within their bounds, others are refused in one line.
 
 use nerd_sim::range::Range;
 use rand::{RngExt, SeedableRng};

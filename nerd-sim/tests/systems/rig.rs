@@ -1,4 +1,4 @@
-//! Actuator and sensor model of individual robots: each effect matches its textbook law, and drawn values act like a file's.
+//! Actuator and sensor model of individual robots: effects follow textbook laws, and drawn values act like a file's.
 
 use nerd_sim::rig::{Motors, Rig};
 use nerd_sim::vary::{Told, VarySpec, columns, draw};
@@ -28,7 +28,7 @@ fn asked(frame: usize) -> Vec<f64> {
 
 const START: [f64; 4] = [0.3, -1.2, 2.0, -3.0];
 
-/// States `[frame]` of an individual robot with its motors.
+/// States `[frame]` of an individual robot with its actuators and sensors.
 fn behind(own: &Arc<System>, frames: usize) -> Vec<Vec<f64>> {
     let mut batch = at(&built_in("pendulum"), "free", &START);
     batch.systems = vec![own.clone()];
@@ -40,7 +40,7 @@ fn behind(own: &Arc<System>, frames: usize) -> Vec<Vec<f64>> {
     (0..frames).map(step).collect()
 }
 
-/// The same for the plain robot, from `start` under torques that `act` computes from a frame and the state before it.
+/// States of the plain robot from `start`, under torques that `act` computes from a frame and the state before it.
 fn plain(start: &[f64], act: impl Fn(usize, &[f64]) -> Vec<f64>) -> Vec<Vec<f64>> {
     let (mut solver, mut batch) = (solver(), at(&built_in("pendulum"), "free", start));
     let step = |frame| {
@@ -85,11 +85,11 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
     assert_eq!(found, expected, "a ripple is the sine of six turns");
 }
 
-/// A direct-current motor: full torque at rest, half of it at half its top speed, zero at top speed, and full braking torque.
+/// A direct-current motor: full torque at rest, half at half its top speed, zero at top speed, and full braking torque.
 #[test]
 fn torque_falls_with_speed_along_a_line() {
     let own = pendulum(VarySpec { top_speed: just(8.0), ..Default::default() });
-    let most: Vec<f64> = own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect();
+    let most: Vec<f64> = own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect();
     let mut broken = at(&built_in("pendulum"), "free", &[0.3, -1.2, f64::NAN, 1.0]);
     broken.systems = vec![own.clone()];
     let said = Rig::new(solver()).step(&mut broken, &[1.0, 1.0]).expect_err("a speed is NaN").to_string();
@@ -127,7 +127,8 @@ fn what_brakes_joints_is_as_in_a_file() {
     assert_ne!(expected, plain(&START, |frame, _| asked(frame)));
 }
 
-/// A reset clears delayed torques, a restored memory continues, a solver without motors refuses them, an ideal rig changes nothing.
+/// A reset clears delayed torques. A solver without motors refuses such a robot. Without motors
+/// `Rig` changes nothing.
 #[test]
 fn memory_and_refusals() {
     let own = pendulum(VarySpec { delay: just(2.0), zero: just(-0.02), ..Default::default() });
@@ -135,9 +136,6 @@ fn memory_and_refusals() {
     let mut simulation = Simulation::new(batch.clone(), Rig::new(solver()));
     let twice = |frame: usize| [asked(frame), asked(frame + 50)].concat();
     (0..5).for_each(|frame| simulation.step(&twice(frame)).expect("it can be stepped"));
-    simulation.fork(0, 1).expect("it remembers");
-    (5..9).for_each(|frame| simulation.step(&asked(frame).repeat(2)).expect("it can be stepped"));
-    assert_eq!(simulation.batch.state(0), simulation.batch.state(1), "a fork goes on alike");
     let rest = own.default_state();
     simulation.reset(1, &rest);
     simulation.step(&[0.0; 4]).expect("it can be stepped");
@@ -174,7 +172,7 @@ fn memory_and_refusals() {
     assert!(said.contains("vary.delay: the robot has no joint"), "{said}");
 }
 
-/// Parameters that a model is conditioned on are from -1 to 1 over each range, in the order of the columns, without ripples.
+/// Parameters for conditioning are scaled to -1..1 over each range, in the order of the columns, without ripples.
 #[test]
 fn what_is_told() {
     let range = |low, high| Some(Range { low, high });

@@ -20,7 +20,7 @@ fn masses_joints_and_contact_points_are_the_references() {
     }
 }
 
-/// The reference's files hold actions (`a_*`) beside the torques its controllers made of them.
+/// The reference's files hold actions (`a_*`) beside the torques that its controllers computed from them.
 #[test]
 fn controllers_are_the_references() {
     for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")] {
@@ -56,8 +56,8 @@ fn starts_keep_to_their_boxes() {
             };
             assert!(within(&p, &said.position), "{name} at {p:?}");
             let (turning, moving) = (q.inverse() * w, q.inverse() * (v + w.cross(&p)));
-            assert!(within(&turning, &said.angular), "{name} turns in the body with {turning:?}");
-            assert!(within(&moving, &said.linear), "{name} moves in the body with {moving:?}");
+            assert!(within(&turning, &said.ang_vel), "{name} turns in the body with {turning:?}");
+            assert!(within(&moving, &said.velocity), "{name} moves in the body with {moving:?}");
             let tilt = quaternion(&system.default_state()[3..7]).angle_to(&q);
             assert!(tilt <= said.tilt.high.max(-said.tilt.low) + 1e-12, "{name} tilted by {tilt}");
         }
@@ -71,7 +71,7 @@ fn starts_keep_to_their_boxes() {
     }
 }
 
-/// Every robot's data: finite, on its ground, moved by its torques.
+/// Data of each robot is finite, near its ground, and driven if the robot has joints.
 #[test]
 fn every_robot_is_recorded() {
     for name in System::built_in() {
@@ -86,7 +86,7 @@ fn every_robot_is_recorded() {
     }
 }
 
-/// A start under the ground is drawn again; one that always is, is refused when the robot is made.
+/// A start below the clearance is drawn again. A robot that has no start above it is refused when read.
 #[test]
 fn a_clearance_that_no_start_has_is_refused() {
     let ball = urdf(&[link("ball", 1.0, [0.0; 3], [1.0; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#))]);
@@ -102,7 +102,7 @@ fn a_clearance_that_no_start_has_is_refused() {
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }
 
-/// No point of a built-in robot creeps by more than 1 mm/s where 30 N push it (the cube's: all that friction can bear).
+/// No point of a built-in robot creeps by more than 1 mm/s under 30 N, for the cube under its friction limit.
 #[test]
 fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
     for (name, force) in [("pendulum", 30.0), ("ant", 30.0), ("anymal", 30.0), ("cube", 1.7)] {

@@ -1,4 +1,5 @@
-//! Poses of legged robots that cannot be straight: feet below hips on one ground, legs alike, and other joints unchanged.
+//! Default poses of legged robots that cannot be straight: feet below hips on one ground, legs alike, other joints
+//! unchanged.
 
 use super::common::{collision, joint, link, urdf};
 use nerd_sim::prelude::*;
@@ -12,20 +13,20 @@ fn part(name: &str, balls: &[[f64; 3]]) -> String {
     link(name, 1.0, [0.0; 3], [0.01; 3], &balls)
 }
 
-/// A joint of the name of its link.
+/// A hinge named after its child link.
 fn hinge(parent: &str, name: &str, [x, y, z]: [f64; 3], axis: &str, [low, high]: [f64; 2]) -> String {
     let limit = format!("<limit lower=\"{low}\" upper=\"{high}\" effort=\"20\" velocity=\"10\"/>");
     joint(name, "revolute", [parent, name], &format!("<origin xyz=\"{x} {y} {z}\"/><axis xyz=\"{axis}\"/>{limit}"))
 }
 
-/// A thigh and a calf of 0.2 m each that hang on a link; the axis and the range of the knee.
+/// A thigh and a calf of 0.2 m each, hanging from `parent`; axis and range of the knee.
 fn leg(parent: &str, name: &str, at: [f64; 3], axis: &str, knee: [f64; 2]) -> [String; 4] {
     let [thigh, calf] = ["thigh", "calf"].map(|part| format!("{name}_{part}"));
     let [hip, knee] = [hinge(parent, &thigh, at, "0 1 0", [-1.5, 3.0]), hinge(&thigh, &calf, FOOT, axis, knee)];
     [part(&thigh, &[]), part(&calf, &[FOOT]), hip, knee]
 }
 
-/// A robot as it stands.
+/// A robot in its default pose.
 struct Stance(Arc<System>, Vec<f64>);
 
 impl Stance {
@@ -37,10 +38,10 @@ impl Stance {
     }
 
     fn joint(&self, name: &str) -> f64 {
-        self.0.joint_specs().find(|joint| joint.name == name).expect("a joint").default
+        self.0.joint_specs().find(|joint| joint.name == name).expect("a joint").default_q
     }
 
-    /// A place on a link, from the trunk (m).
+    /// Position of a point of a link relative to the trunk (m).
     fn place(&self, link: &str, at: [f64; 3]) -> Vector3<f64> {
         let mut data = self.0.data();
         kinematics(&self.0.robot, &self.1, &mut data);
@@ -48,8 +49,8 @@ impl Stance {
     }
 }
 
-/// Such a robot stands on bent legs, feet below its hips. One whose joints can all be at zero stands straight, and so does one whose knees
-/// lack 2 degrees.
+/// Legs that cannot be straight are bent, with feet below hips. A robot with all joints able to be zero stands
+/// straight, as does a robot with knees that lack 2 degrees.
 #[test]
 fn legs_that_cannot_be_straight_are_bent_until_feet_are_below_hips() {
     let biped = |most| {
@@ -60,7 +61,7 @@ fn legs_that_cannot_be_straight_are_bent_until_feet_are_below_hips() {
     for side in ["left", "right"] {
         let calf = format!("{side}_calf");
         let (foot, knee) = (stance.place(&calf, FOOT), stance.joint(&calf));
-        // With the knee at its bound a leg is 0.4 m cos(0.4) long, to which the poses that are tried come near.
+        // With the knee at its bound a leg is 0.4 m cos(0.4) long; the search over poses comes near to that.
         let share = -foot.z / (0.4 * 0.4f64.cos());
         assert!(foot.x.abs() < 1e-3 && (0.7..0.8).contains(&share) && knee < -0.8, "foot at {foot:?}, knee at {knee}");
     }
@@ -71,8 +72,8 @@ fn legs_that_cannot_be_straight_are_bent_until_feet_are_below_hips() {
     }
 }
 
-/// Legs below a waist of three hinges; one leg has its parts in another order and the opposite sense of the knee. Beside them are arms
-/// whose elbows cannot be straight.
+/// Legs below a waist of three hinges. One leg lists its parts in another order and bends its knee in the opposite
+/// sense. Arms beside the legs have elbows that cannot be straight.
 #[test]
 fn below_a_waist_legs_bend_alike_and_the_waist_stays() {
     let mut parts = Vec::new();
@@ -100,7 +101,7 @@ fn below_a_waist_legs_bend_alike_and_the_waist_stays() {
     assert!((feet[0].z - feet[1].z).abs() < 1e-3 && feet.iter().all(|foot| foot.x.abs() < 1e-3), "feet at {feet:?}");
 }
 
-/// Front legs on the trunk and hind legs on hips behind a spine, the hind ones lower by 5 cm where they hang.
+/// Front legs on the trunk and hind legs behind a spine; the hind hips are 5 cm lower.
 #[test]
 fn four_legs_on_two_ends_of_a_spine_stand_on_one_ground() {
     let mut parts = vec![part("spine", &[]), hinge("trunk", "spine", [-0.2, 0.0, 0.0], "0 1 0", [-0.5, 0.5])];
@@ -117,7 +118,8 @@ fn four_legs_on_two_ends_of_a_spine_stand_on_one_ground() {
     assert!(off < 1e-3, "feet at {feet:?}");
 }
 
-/// An ankle keeps a foot level, the middle of its sole below the hip and no toe; a wheel at its place is below the hip, and is not turned.
+/// With an ankle the foot is level, and the middle of its sole, not a toe, is below the hip. A wheel in place of the
+/// foot is below the hip and not turned.
 #[test]
 fn a_foot_on_an_ankle_stays_level_and_a_wheel_unturned() {
     let sole = [[-0.05, 0.0, -0.03], [0.1, 0.0, -0.03]];

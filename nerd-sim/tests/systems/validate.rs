@@ -1,4 +1,4 @@
-//! Impossible settings in a specification are refused by key, in one line. The campaign of `xtask` checks that all others move finitely.
+//! Impossible settings are refused by key, in one line. The campaign of `xtask` checks that all others move finitely.
 
 use super::common::*;
 
@@ -31,12 +31,12 @@ quaternion = [0.1, 0.2, 0.3, 0.9]
 [root.sample]
 position = ["U(-0.1, 0.1)", "U(-0.2, 0.2)", "U(1, 1.3)"]
 tilt = "U(-0.3, 0.3)"
-angular = ["U(-0.4, 0.4)", "U(-0.5, 0.5)", "U(-0.6, 0.6)"]
-linear = ["U(-0.7, 0.7)", "U(-0.8, 0.8)", "U(-0.9, 0.9)"]
+ang_vel = ["U(-0.4, 0.4)", "U(-0.5, 0.5)", "U(-0.6, 0.6)"]
+velocity = ["U(-0.7, 0.7)", "U(-0.8, 0.8)", "U(-0.9, 0.9)"]
 clearance = 0.001
 [[joint]]
 name = "hinge"
-default = 0.15
+default_q = 0.15
 armature = 0.01
 limit = { stiffness = 1e2, damping = 1.5 }
 torque = 1.25
@@ -70,14 +70,14 @@ fn system(toml: &str) -> Result<System, String> {
     System::from_text("all", &all(), Some(toml)).map_err(|e| e.to_string())
 }
 
-/// Where numbers stand in the text, with the name of their key.
+/// Places of the numbers in the text, with the name of their key.
 fn numbers() -> Vec<(std::ops::Range<usize>, String)> {
     let (mut found, mut at) = (Vec::new(), 0);
     let ends = |c: char| !(c.is_ascii_alphanumeric() || "+-.".contains(c));
     while at < TOML.len() {
         let word = &TOML[at..][..TOML[at..].find(ends).unwrap_or(TOML.len() - at)];
         if word.parse::<f64>().is_ok() {
-            // A vector's or a table's entries belong to the last word before an equals sign.
+            // Entries of a vector or a table belong to the last word before an equals sign.
             let key = TOML[..at].rsplit_once(" =").map(|(before, _)| before);
             let key = key.and_then(|b| b.rsplit(|c: char| !(c.is_ascii_alphabetic() || c == '_')).next()).unwrap_or_default();
             found.push((at..at + word.len(), key.to_string()));
@@ -128,11 +128,11 @@ fn words_are_looked_at() {
         ("link = \"body\"", "link = \"bdy\"", "bdy"),
         ("data_scene = \"ground\"\n", "", "clearance"),
         ("data_scene = \"ground\"", "data_scene = \"grund\"", "grund"),
-        ("default = 0.15", "default = 0.15\ncolumn = \"tau_x\"", "tau_x"),
-        ("default = 0.15", "default = 0.15\ncolumn = \"step\"", "step"),
-        ("default = 0.15", "default = 0.15\ncolumn = \"px\"", "px"),
-        ("default = 0.15", "default = 0.15\ncolumn = \" x\"", "blanks"),
-        ("default = 0.15", "defualt = 0.15", "defualt"),
+        ("default_q = 0.15", "default_q = 0.15\ncolumn = \"tau_x\"", "tau_x"),
+        ("default_q = 0.15", "default_q = 0.15\ncolumn = \"step\"", "step"),
+        ("default_q = 0.15", "default_q = 0.15\ncolumn = \"px\"", "px"),
+        ("default_q = 0.15", "default_q = 0.15\ncolumn = \" x\"", "blanks"),
+        ("default_q = 0.15", "defualt_q = 0.15", "defualt_q"),
         ("substeps = 16", "substeps = 16\ntorque_columns = [\"a\", \"a\"]", "torque_columns"),
         ("substeps = 16", "substeps = 16\ntorque_columns = [\"a\"]", "torque_columns: 1 entries, the robot needs 2"),
         ("substeps = 16", "substeps = 16\nmass_matrix_of = { arm = \"rm\" }", "rm"),

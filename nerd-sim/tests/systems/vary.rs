@@ -51,7 +51,7 @@ fn each_moves_as_it_does_alone() {
             assert_eq!(alone.states, all.state(env), "solver {k}, environment {env}");
         }
         assert!(all.state(0) != all.state(1) && begun.of(0).robot.mass() != begun.of(1).robot.mass());
-        // And as before, when all are one again.
+        // A batch of one robot afterwards moves as with a fresh solver.
         all.systems.clear();
         let mut fresh = all.clone();
         together.step(&mut all, &tau).expect("it can be stepped");
@@ -71,7 +71,7 @@ fn what_does_not_fit_is_refused() {
     };
     assert!(said(&mut solver, &[&ant]).contains("needs 2 `systems`"));
     assert!(said(&mut solver, &[&ant, &built_in("cube")]).contains("environment 1 is built otherwise"));
-    // A solver of one's own that knows one robot.
+    // A hand-written solver that supports one robot.
     struct Still;
     impl Solver for Still {
         fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
@@ -109,7 +109,7 @@ fn data_keep_what_was_drawn() {
     assert!(old.drawn.is_empty() && old.arrays().len() == 6);
     assert_eq!(old.states[..d], recording.states[..d], "the first start is another one");
     assert!(old.states != recording.states);
-    // In shards, and out again.
+    // Written to shards and read back.
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let manifest = generate(&system, &mut solver, "accurate", &config, folder, &mut |_, _| {}).expect("it can be written");
@@ -119,7 +119,7 @@ fn data_keep_what_was_drawn() {
     assert!(refused.contains("system"), "{refused}");
 }
 
-/// Noise of sensors is white and of its size, each trajectory's from its own stream, and part of a shard.
+/// Sensor noise is white with the drawn deviation, comes from each trajectory's stream, and is part of a shard.
 #[test]
 fn sensors_with_noise_show_it() {
     let noisy = |size: f64| varied("pendulum", VarySpec { noise: between(size, size), ..Default::default() });
@@ -135,7 +135,7 @@ fn sensors_with_noise_show_it() {
         let mean = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / 1600.0;
         let [shift, square] = [mean(&mut gaps.iter().copied()), mean(&mut gaps.iter().map(|x| x * x))];
         let next = mean(&mut gaps.windows(2).map(|x| x[0] * x[1]));
-        // Some four standard errors each.
+        // About four standard errors each.
         assert!(shift.abs() < 0.1 && (square - 1.0).abs() < 0.15 && next.abs() < 0.1, "number {k}: {shift}, {square}, {next}");
     }
     let part = record(&system, 5, 2);
@@ -152,11 +152,11 @@ fn sensors_with_noise_show_it() {
     assert!(said.contains("`shown` has 0 numbers"), "{said}");
 }
 
-/// Measurements of a free root have noise of the given size, divided by the frame time on velocities; noise does not affect motion.
+/// Measurements of a free root have noise of the given size, on velocities over the frame time; the motion has none.
 #[test]
 fn a_free_root_is_measured_with_noise() {
     let noisy = |place: f64, turn: f64| {
-        varied("cube", VarySpec { root_noise: between(place, place), turn_noise: between(turn, turn), ..Default::default() })
+        varied("cube", VarySpec { root_noise: between(place, place), orientation_noise: between(turn, turn), ..Default::default() })
     };
     let record = |system: &Arc<System>| {
         let config = GenerateConfig { transitions: 1600, shard_trajectories: 16, ..Default::default() };
@@ -164,7 +164,9 @@ fn a_free_root_is_measured_with_noise() {
     };
     let (system, still) = (noisy(1e-3, 5e-3), record(&noisy(0.0, 0.0)));
     let (all, dt) = (record(&system), system.frame_time);
-    assert!(vary::columns(&system) == ["root_noise", "turn_noise"] && all.states == still.states && still.shown.len() == all.shown.len());
+    assert!(
+        vary::columns(&system) == ["root_noise", "orientation_noise"] && all.states == still.states && still.shown.len() == all.shown.len()
+    );
     let mut squares = [0.0; 4];
     for row in 0..1600 {
         let local = |x: &[f64]| {
@@ -176,11 +178,11 @@ fn a_free_root_is_measured_with_noise() {
         let gaps = [(p - p0) / 1e-3, (q0.inverse() * q).scaled_axis() / 5e-3, (v - v0) * dt / 1e-3, (w - w0) * dt / 5e-3];
         squares.iter_mut().zip(gaps).for_each(|(sum, gap)| *sum += gap.norm_squared() / 4800.0);
     }
-    // Some four standard errors.
+    // About four standard errors.
     assert!(squares.iter().all(|s| (s - 1.0).abs() < 0.08), "{squares:?}");
     let fixed = System::texts("pendulum").expect("built in");
-    let said = line(System::from_text("pendulum", fixed.1, Some(&format!("{}\n[vary]\nturn_noise = \"U(0, 0.1)\"\n", fixed.0))));
-    assert!(said.contains("vary.turn_noise: the robot's root is not free"), "{said}");
+    let said = line(System::from_text("pendulum", fixed.1, Some(&format!("{}\n[vary]\norientation_noise = \"U(0, 0.1)\"\n", fixed.0))));
+    assert!(said.contains("vary.orientation_noise: the robot's root is not free"), "{said}");
 }
 
 #[test]
@@ -202,7 +204,7 @@ fn each_slides_by_its_own_friction() {
     let up = -system.gravity() / g;
     for env in 0..12 {
         let mut state = system.default_state();
-        // Flat on the slope, slightly inside, where the contacts carry its weight.
+        // Flat on the slope, slightly inside, where the contacts carry the cube's weight.
         let ground = &batch.scenes[env].colliders[0];
         let normal = ground.pose.rotation * vector(&ground.shape.as_halfspace().expect("a plane").normal.to_array());
         let turn = nalgebra::UnitQuaternion::rotation_between(&up, &normal).expect("not upside down");

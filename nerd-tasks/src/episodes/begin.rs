@@ -1,13 +1,14 @@
-//! How episodes begin: drawn by seed, environment and number, on the ground of their level.
+//! Starts episodes: random draws by seed, environment and episode, and the terrain of the episode's level.
 
+use nerd_sim::files::renamed::{self, Kind};
 use nerd_sim::{prelude::*, range::within};
 
 use super::Episodes;
 use crate::step::{CHUNK, StepResult, episode};
 
 impl Episodes {
-    /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest:
-    /// up after an episode that lasted and succeeded, down after one that terminated early.
+    /// Starts a curriculum over the task's levels ([`crate::Task::levels`]) and restarts all environments at the
+    /// lowest. The level rises after an episode that lasts and succeeds, and falls after a terminated one.
     pub fn climb(&mut self) {
         let Some((at, levels)) = self.task.levels() else { return };
         let width = self.task.goal_dim();
@@ -17,27 +18,31 @@ impl Episodes {
         self.observe(|_| true);
     }
 
-    /// Whether episodes go through levels.
+    /// Whether a curriculum over levels runs.
     pub fn climbs(&self) -> bool {
         self.climbs
     }
 
-    /// Begins the next episode in an environment, whether or not the present one has ended.
+    /// Starts the next episode in an environment, whether or not the present one has ended.
     pub fn begin(&mut self, env: usize) {
         self.begin_numbered(&[(env, self.begun[env] + 1)]);
     }
 
-    /// Sets commands of the present episode of an environment by name, such as `ahead=0.5,turn=0`.
+    /// Sets commands of an environment's present episode by name, such as `vx=0.5,yaw_rate=0`.
     ///
     /// # Errors
-    /// If there is no such command, it is there twice, or its number is outside of its range; then nothing changed.
+    /// If a command is unknown, given twice, or out of range; then nothing changes.
     pub fn ask(&mut self, env: usize, commands: &str) -> Result<(), String> {
         let (all, width) = (self.task.commands(), self.task.goal_dim());
         let mut asked: Vec<(usize, f64)> = Vec::new();
         for part in commands.split(',') {
             let Some((name, number)) = part.split_once('=') else { return Err(format!("`{part}` is no NAME=NUMBER")) };
             let (name, number) = (name.trim(), number.trim());
-            let Some(k) = all.iter().position(|own| own.0 == name) else {
+            // An old name, unless the task has a command of that name.
+            let place = |name: &str| all.iter().position(|own| own.0 == name);
+            let old = place(name).map_or_else(|| renamed::renamed(Kind::Command, name), |_| None).filter(|old| place(old.1).is_some());
+            renamed::note(&format!("task {}", self.task.name()), old);
+            let Some(k) = place(old.map_or(name, |old| old.1)) else {
                 let own: Vec<&str> = all.iter().map(|own| &*own.0).collect();
                 let own = if own.is_empty() { "it has none".into() } else { format!("choose from {}", own.join(", ")) };
                 return Err(format!("task `{}` has no command `{name}`: {own}", self.task.name()));
@@ -54,16 +59,16 @@ impl Episodes {
         Ok(())
     }
 
-    /// Numbers of the present episodes by environment, from 1.
+    /// Number of the present episode of each environment, from 1.
     pub fn numbers(&self) -> &[u64] {
         &self.begun
     }
 
-    /// Begins episodes by environment and number, whether or not the present ones have ended; for example a present one from its start
-    /// again.
+    /// Starts episodes by (environment, number), whether or not the present ones have ended, for example to replay one
+    /// from its start.
     ///
     /// # Panics
-    /// If there is no such environment.
+    /// If an environment does not exist.
     pub fn begin_numbered(&mut self, episodes: &[(usize, u64)]) {
         let mut begun = vec![false; self.len()];
         for &(env, number) in episodes {
@@ -73,7 +78,7 @@ impl Episodes {
         self.observe(|env| begun[env]);
     }
 
-    /// Begins the first episodes of another seed.
+    /// Starts the first episodes of another seed.
     pub fn seeded(&mut self, seed: u64) {
         self.seed = seed;
         self.begin_numbered(&(0..self.len()).map(|env| (env, 1)).collect::<Vec<_>>());
@@ -94,7 +99,8 @@ impl Episodes {
         self.simulation.reset(env, &state);
     }
 
-    /// Sets the ground of an environment's level; with `anew` also where it is set already, since a device may have changed it.
+    /// Scales the terrain of an environment to its level. With `anew` also if the scale is right, since a GPU may have
+    /// changed it.
     pub(super) fn lay(&mut self, env: usize, anew: bool) {
         let Some((at, _)) = self.task.levels() else { return };
         let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
@@ -103,18 +109,18 @@ impl Episodes {
         }
     }
 
-    /// Adds up the errors of a step, and changes the level where an episode has ended.
+    /// Adds up the errors of a step, and updates the level where an episode has ended.
     pub(super) fn rise(&mut self, result: &StepResult) {
         let Some((at, levels)) = self.task.levels() else { return };
         let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);
         let length = steps * self.task.frames();
         for (env, goal) in self.goals.chunks_exact_mut(width).enumerate() {
-            let [level, missed] = &mut goal[at..at + 2] else { continue };
+            let [level, total] = &mut goal[at..at + 2] else { continue };
             if 2 * frames[env] > length {
-                *missed += result.misses[env].unwrap_or(0.0);
+                *total += result.errors[env].unwrap_or(0.0);
             }
             if self.climbs && (result.terminated[env] || result.truncated[env]) {
-                let succeeded = *missed <= (steps - steps / 2) as f64;
+                let succeeded = *total <= (steps - steps / 2) as f64;
                 let by = if result.terminated[env] { -1.0 } else { f64::from(u8::from(succeeded)) };
                 *level = ((*level * levels as f64).round() + by).clamp(1.0, levels as f64) / levels as f64;
             }

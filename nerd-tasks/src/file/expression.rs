@@ -1,4 +1,4 @@
-//! Expressions in Rust's syntax, evaluated over vectors: a single number is combined with every number of a vector.
+//! Expressions in Rust's syntax, evaluated over vectors. A scalar combines with every element of a vector.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap, hash_map::Entry};
@@ -6,10 +6,13 @@ use std::ops::Range;
 
 use syn::{BinOp, Expr, Lit, RangeLimits, UnOp, spanned::Spanned};
 
+use nerd_sim::files::renamed::{self, Kind};
+
 use super::words::{Facts, Of};
 use crate::formula::{Leaf, Number, Tape, Traced};
 
-/// Limits of a formula: letters, operators, numbers of a vector, steps; depth of nesting, without and with the names that it refers to.
+/// Limits of a formula: letters, operators, vector length, steps; depth of nesting, without and with the names that it
+/// refers to.
 const LETTERS: usize = 2000;
 const SIGNS: usize = 400;
 const LONGEST: usize = 4096;
@@ -23,7 +26,7 @@ pub(super) struct Value<'a> {
     pub of: Of,
 }
 
-/// The kind of formula: torques are available in rewards, an action in `act`.
+/// Kind of formula: `torque` is available in rewards, `action` in `act`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Act,
@@ -36,15 +39,15 @@ pub(super) struct Reader<'a> {
     pub(super) tape: &'a Tape,
     pub(super) facts: &'a Facts,
     of: Part,
-    /// The file's own names, and positions of commands in the goal.
+    /// Definitions under `[let]`, and the position of each command in the goal.
     lets: &'a BTreeMap<String, String>,
     commands: &'a [(String, Range<usize>)],
-    /// Length of an action, and position of the last action in the goal.
+    /// Width of an action, and position of the last action in the goal.
     actions: usize,
     memory: usize,
-    /// Values of names; `None` while a name is being read.
+    /// Values of names read so far; `None` while a name is being read.
     known: RefCell<HashMap<String, Option<Value<'a>>>>,
-    /// Expressions that are being read, each nested in the one before.
+    /// Present depth of nested expressions.
     deep: Cell<usize>,
 }
 
@@ -63,12 +66,12 @@ impl<'a> Reader<'a> {
         Self { tape, facts, of: part, lets, commands, actions, memory, known: RefCell::default(), deep: Cell::default() }
     }
 
-    /// The value of an expression, found in the file at `key`.
+    /// Value of the expression at `key` in the file.
     pub fn read(&self, key: &str, text: &str) -> Result<Vec<Traced<'a>>, String> {
         Ok(self.value(key, text)?.numbers)
     }
 
-    /// The same, for an expression of one number.
+    /// As `Self::read`, for an expression of one number.
     pub fn one(&self, key: &str, text: &str) -> Result<Traced<'a>, String> {
         let numbers = self.read(key, text)?;
         match numbers[..] {
@@ -77,7 +80,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The file's own names read so far that are one number.
+    /// The scalar names under `[let]` read so far.
     pub fn names(&self) -> Vec<(String, Traced<'a>)> {
         let known = self.known.borrow();
         let one = |name: &String| match known.get(name)?.as_ref()?.numbers[..] {
@@ -89,7 +92,7 @@ impl<'a> Reader<'a> {
 
     fn value(&self, key: &str, text: &str) -> Result<Value<'a>, String> {
         let at = |span: proc_macro2::Span, said: &str| {
-            // An error in one of the file's own names already states its place.
+            // An error in a [let] name already states its place.
             if let Some(said) = said.strip_prefix('\0') {
                 return said.into();
             }
@@ -189,7 +192,7 @@ impl<'a> Reader<'a> {
     }
 
     fn word(&self, name: &str) -> Result<Value<'a>, String> {
-        let goal = |k: usize| self.tape.leaf(Leaf::Goal(k), f64::NAN);
+        let goal = |k: usize| self.tape.leaf(Leaf::Goal(k));
         let memory = |ago: usize| (0..self.actions).map(|k| goal(self.memory + ago * self.actions + k)).collect::<Vec<_>>();
         let of_joints = if self.actions == self.facts.system.robot.joint_count() { Of::Joints } else { Of::Numbers };
         if let Some((_, at)) = self.commands.iter().find(|(own, _)| own == name) {
@@ -208,20 +211,24 @@ impl<'a> Reader<'a> {
         }
         match (name, self.of) {
             ("action", Part::Act) => {
-                let action = (0..self.actions).map(|k| self.tape.leaf(Leaf::Action(k), f64::NAN));
+                let action = (0..self.actions).map(|k| self.tape.leaf(Leaf::Action(k)));
                 Ok(Value { numbers: action.collect(), of: of_joints })
             }
             ("action", _) | ("last_action", Part::Act) => Ok(Value { numbers: memory(0), of: of_joints }),
             ("last_action", _) => Ok(Value { numbers: memory(1), of: of_joints }),
-            ("time", _) => Ok(plain(vec![goal(self.memory + 2 * self.actions) * self.facts.step.into()])),
+            ("time", _) => Ok(plain(vec![goal(self.memory + 2 * self.actions) * self.facts.step])),
             ("torque", Part::Reward) => {
-                let torques = (0..self.facts.system.robot.joint_count()).map(|k| self.tape.leaf(Leaf::Torque(k), f64::NAN));
+                let torques = (0..self.facts.system.robot.joint_count()).map(|k| self.tape.leaf(Leaf::Torque(k)));
                 Ok(Value { numbers: torques.collect(), of: Of::Joints })
             }
             ("torque", _) => Err("`torque` is known in the reward alone".into()),
             _ => match self.facts.word(self.tape, name) {
                 Some(found) => found.map(|(numbers, of)| Value { numbers, of }),
                 None => {
+                    if let Some(old) = renamed::renamed(Kind::Word, name) {
+                        self.facts.old.borrow_mut().push(old);
+                        return self.word(old.1);
+                    }
                     let own = self.commands.iter().map(|c| &c.0).chain(self.lets.keys());
                     let own: Vec<_> = own.map(String::as_str).chain([Facts::WORDS]).collect();
                     Err(format!("no word `{name}`: choose from {}", own.join(", ")))
@@ -230,7 +237,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// By a number, a name, a range `a..b`, or a list of numbers.
+    /// Indexing by a number, a name, a range `a..b`, or a list of numbers.
     fn indexed(&self, value: Value<'a>, index: &Expr) -> Said<Value<'a>> {
         let wrong = |said: String| (index.span(), said);
         let count = value.numbers.len();
@@ -258,7 +265,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// An error without a place gets the place of its function's name.
+/// Gives an error without a place the place of its function's name.
 fn placed((span, said): (proc_macro2::Span, String), own: proc_macro2::Span) -> (proc_macro2::Span, String) {
     (if span.start().line == 0 || span.start() == proc_macro2::Span::call_site().start() { own } else { span }, said)
 }
@@ -271,20 +278,20 @@ pub(super) fn each<'a>(value: Value<'a>, f: impl Fn(Traced<'a>) -> Traced<'a>) -
     Value { numbers: value.numbers.into_iter().map(f).collect(), of: value.of }
 }
 
-/// Element by element; a single number is combined with all.
+/// Combines two vectors element by element; a scalar combines with all elements.
 pub(super) fn paired<'a>(a: Value<'a>, b: Value<'a>, f: impl Fn(Traced<'a>, Traced<'a>) -> Traced<'a>) -> Result<Value<'a>, String> {
     let (n, m) = (a.numbers.len(), b.numbers.len());
     if n != m && n != 1 && m != 1 {
         return Err(format!("{n} numbers with {m}: as many are needed, or one"));
     }
     let (long, of) = if n >= m { (n, a.of) } else { (m, b.of) };
-    // One number and none gives none.
+    // A scalar and an empty vector give an empty vector.
     let long = if n == 0 || m == 0 { 0 } else { long };
     let at = |of: &Value<'a>, k: usize| of.numbers[if of.numbers.len() == 1 { 0 } else { k }];
     Ok(Value { numbers: (0..long).map(|k| f(at(&a, k), at(&b, k))).collect(), of })
 }
 
-/// Whole numbers known when read, as indices.
+/// Constant whole numbers, as indices.
 fn wholes(value: &Value) -> Result<Vec<usize>, String> {
     let whole = |x: &Traced| match x {
         Traced::Number(x) if *x >= 0.0 && x.fract() == 0.0 && *x < 1e6 => Some(*x as usize),

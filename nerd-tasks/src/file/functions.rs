@@ -1,5 +1,6 @@
-//! The functions of expressions.
+//! Functions in expressions.
 
+use nerd_sim::files::renamed::{self, Kind};
 use nerd_sim::prelude::*;
 use syn::{Expr, Lit, spanned::Spanned};
 
@@ -13,8 +14,12 @@ impl<'a> Reader<'a> {
         if name == "place" || name == "axis" {
             return self.place(name, args);
         }
-        if name == "scan" {
-            return self.scan(args);
+        if name == "height_scan" {
+            return self.height_scan(args);
+        }
+        if let Some(old) = renamed::renamed(Kind::Word, name) {
+            self.facts.old.borrow_mut().push(old);
+            return self.called(old.1, args);
         }
         let needed = match name {
             "exp" | "sin" | "cos" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled"
@@ -23,7 +28,7 @@ impl<'a> Reader<'a> {
             "clamp" | "select" => 3,
             _ => {
                 let known = "exp, sin, cos, sqrt, abs, squared, wrap, sum, mean, norm, max_of, min_of, len, controlled, max, min, dot, cross, clamp, \
-                             select, place, axis, scan";
+                             select, place, axis, height_scan";
                 return Err(no_place(format!("no function `{name}`: choose from {known}")));
             }
         };
@@ -49,7 +54,7 @@ impl<'a> Reader<'a> {
             "wrap" => each(first(), Number::wrap),
             "len" => one((values[0].numbers.len() as f64).into()),
             "sum" => one(sum(values[0].numbers.iter().copied())),
-            "mean" => one(sum(some()?) / (values[0].numbers.len() as f64).into()),
+            "mean" => one(sum(some()?) / values[0].numbers.len() as f64),
             "norm" => one(sum(values[0].numbers.iter().map(|x| x.squared())).sqrt()),
             "max_of" => one(some()?.reduce(Number::max).unwrap_or(0.0.into())),
             "min_of" => one(some()?.reduce(Number::min).unwrap_or(0.0.into())),
@@ -79,27 +84,28 @@ impl<'a> Reader<'a> {
                     return Err((args[0].span(), format!("`controlled` takes a number for each of {joints} joints, not {count}")));
                 }
                 let call = self.tape.list(&values[0].numbers);
-                let numbers = (0..joints).map(|i| self.tape.leaf(Leaf::Controlled { call, i }, f64::NAN)).collect();
+                let numbers = (0..joints).map(|i| self.tape.leaf(Leaf::Controlled { call, i })).collect();
                 Value { numbers, of: Of::Joints }
             }
         })
     }
 
-    /// `scan(xs, ys)`: heights of the ground (m) at distances ahead of a free root and to its left, relative to its heading; ordered along
-    /// y, then along x.
-    fn scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
+    /// `height_scan(xs, ys)`: ground heights (m) at distances `xs` ahead of a free root and `ys` to its left,
+    /// along its heading. x is the outer index, y the inner.
+    fn height_scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if !self.facts.system.robot.floating() {
-            return Err(no_place(format!("`scan` is of a free root, and the base of `{}` is fixed", self.facts.system.name)));
+            return Err(no_place(format!("`height_scan` is of a free root, and the base of `{}` is fixed", self.facts.system.name)));
         }
-        let [xs, ys] = args else { return Err(no_place("`scan` takes places ahead and places to the left (m)".into())) };
+        let [xs, ys] = args else { return Err(no_place("`height_scan` takes places ahead and places to the left (m)".into())) };
         let list = |e: &Expr| known(&self.expression(e)?).ok_or_else(|| (e.span(), "known numbers are needed".to_string()));
         let (xs, ys) = (list(xs)?, list(ys)?);
         let at = xs.iter().flat_map(|x| ys.iter().map(|y| [*x, *y]));
         Ok(plain(at.map(|at| self.facts.ground(self.tape, at)).collect()))
     }
 
-    /// `place("link")` or `place("link", [x, y, z])` in the world (m); `axis("link", [x, y, z])`: a direction of a link in world axes.
+    /// `place("link")` or `place("link", [x, y, z])`: world position (m). `axis("link", [x, y, z])`: a direction of a
+    /// link in world axes.
     fn place(&self, function: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         let (name, local) = match args {
@@ -125,7 +131,7 @@ impl<'a> Reader<'a> {
         };
         let place = |local: Vector3<f64>| {
             let local: [f64; 3] = local.into();
-            [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }, f64::NAN))
+            [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }))
         };
         let tip = place(at + turn * Vector3::from(local));
         if function == "place" {
@@ -136,7 +142,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The numbers, if they are known when read.
+/// The numbers, if all are constants.
 fn known(value: &Value) -> Option<Vec<f64>> {
     value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect()
 }

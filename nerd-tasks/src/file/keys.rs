@@ -1,4 +1,4 @@
-//! The keys of a task's file.
+//! Keys of a task's file.
 
 use std::collections::BTreeMap;
 
@@ -10,48 +10,48 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Keys {
-    /// Default robot, if none is named with the task.
+    /// Default robot, used if none is named with the task.
     pub robot: Option<String>,
     /// Scene [default: the scene of the robot's data, else `free`].
     pub scene: Option<String>,
-    /// Ground that is not flat, in place of a scene.
+    /// Uneven terrain in place of a scene.
     pub terrain: Option<TerrainSpec>,
-    /// Levels of difficulty in training: shares of the terrain's heights.
+    /// Number of levels in training: factors on the terrain's heights.
     pub levels: Option<usize>,
-    /// One frame (s) [default: the robot's].
+    /// Frame time (s) [default: the robot's].
     #[serde(default, deserialize_with = "seconds")]
     pub frame_time: Option<f64>,
-    /// Substeps of a frame [default: the robot's].
+    /// Substeps per frame [default: the robot's].
     pub substeps: Option<usize>,
-    /// Whether joints without armature have a rotor.
+    /// Whether joints without armature get a rotor's inertia.
     #[serde(default)]
     pub rotors: bool,
-    /// Frames of a step.
+    /// Frames per step.
     #[serde(default = "one")]
     pub frames: u64,
-    /// Steps of an episode.
+    /// Steps per episode.
     pub steps: u64,
-    /// Numbers in an action [default: one a joint].
+    /// Width of an action [default: one number per joint].
     pub actions: Option<usize>,
-    /// Quantities drawn for an episode.
+    /// Commands, drawn for each episode.
     #[serde(default)]
     pub command: BTreeMap<String, Command>,
-    /// Expressions by name.
+    /// Named expressions.
     #[serde(default, rename = "let", deserialize_with = "lets")]
     pub lets: BTreeMap<String, String>,
     pub observation: Vec<String>,
-    /// Torques [default: the robot's own controller].
+    /// Torques [default: the robot's controller].
     pub act: Option<String>,
     pub reward: Terms,
-    pub over: Option<String>,
-    pub miss: Option<String>,
-    /// Tolerance and its unit [default: 1].
+    pub terminated: Option<String>,
+    pub error: Option<String>,
+    /// Tolerance of the error and its unit [default: 1].
     #[serde(default)]
-    pub allowed: Allowed,
+    pub tolerance: Tolerance,
 }
 
 impl Keys {
-    /// A robot with frames, rotors and terrain as the file says.
+    /// The robot with the file's frame time, substeps, rotors and terrain.
     pub fn fit(&self, mut robot: Arc<System>) -> Result<Arc<System>, SystemError> {
         let own = Arc::make_mut(&mut robot);
         if self.frame_time.is_some() || self.substeps.is_some() {
@@ -67,33 +67,33 @@ impl Keys {
     }
 }
 
-/// A number and its unit, as in "0.1 m/s"; or a number alone.
+/// A number with its unit, such as "0.1 m/s", or a number alone.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
-pub(super) struct Allowed(pub f64, pub String);
+pub(super) struct Tolerance(pub f64, pub String);
 
-impl Default for Allowed {
+impl Default for Tolerance {
     fn default() -> Self {
         Self(1.0, String::new())
     }
 }
 
-impl TryFrom<Value> for Allowed {
+impl TryFrom<Value> for Tolerance {
     type Error = String;
 
     fn try_from(value: Value) -> Result<Self, String> {
-        let text = expression("allowed", value)?;
+        let text = expression("tolerance", value)?;
         let (number, unit) = text.split_once(' ').unwrap_or((&text, ""));
         let number = number.parse::<f64>().ok().filter(|x| (1e-9..=1e6).contains(x));
         let number = number
-            .ok_or_else(|| format!("allowed is \"{text}\": a number from 1e-9 to 1e6 is needed and its unit, such as \"0.1 m/s\""))?;
-        // Units are not converted, so each kind has exactly one.
+            .ok_or_else(|| format!("tolerance is \"{text}\": a number from 1e-9 to 1e6 is needed and its unit, such as \"0.1 m/s\""))?;
+        // Units are not converted, so only SI units are accepted.
         if let Some(other) = unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u)) {
             let known = [("cm", 1e-2, "m"), ("mm", 1e-3, "m"), ("ms", 1e-3, "s"), ("g", 1e-3, "kg"), ("deg", 1f64.to_radians(), "rad")];
             let known = known.iter().find(|(own, ..)| *own == other);
             let (number, unit) = known.map_or((0.1, "m/s".into()), |(_, factor, si)| (number * factor, unit.replacen(other, si, 1)));
             let number = (number * 1e6).round() / 1e6;
-            return Err(format!("allowed is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"{number} {unit}\""));
+            return Err(format!("tolerance is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"{number} {unit}\""));
         }
         Ok(Self(number, unit.trim().into()))
     }
@@ -125,7 +125,7 @@ fn lets<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<String, String>, 
     expressions("let", Table::deserialize(from)?).map_err(D::Error::custom)
 }
 
-/// Of one number, or of several.
+/// Ranges of one command, a scalar or a vector.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(super) struct Command(pub Vec<Range>);
@@ -143,7 +143,7 @@ impl TryFrom<Value> for Command {
     }
 }
 
-/// One expression, or named ones whose sum it is.
+/// A reward: one expression, or a sum of named ones.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(super) enum Terms {

@@ -1,49 +1,52 @@
-//! A task's file, read for a robot.
+//! A task from a file, for one robot.
 
 use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Mutex;
 
+use nerd_sim::files::renamed::{self, Kind};
 use nerd_sim::prelude::*;
 use nerd_sim::range::within;
 use nerd_sim::system::{SystemError, TERRAIN};
 
 use super::expression::{Part, Reader};
 use super::keys::{Keys, Terms};
-use super::{program::Program, words::Facts};
-use crate::formula::{Formulas, Number, Sight, Tape, Traced};
-use crate::{About, TaskError};
+use super::words::Facts;
+use crate::formula::{Program, Sight, Tape, Traced};
+use crate::{About, Task, TaskError};
 
-/// A task that was read from a file, for a robot.
+/// A task read from a file, for one robot.
 pub struct FileTask {
     about: About,
     system: Arc<System>,
     text: String,
     goal: Vec<[f64; 2]>,
-    /// Names of the goal's numbers, where they have some.
+    /// Names of the goal's leading numbers.
     names: Vec<String>,
     terms: Vec<String>,
     place: bool,
     keys: Keys,
-    /// Observation, torques, reward and its terms, end and error.
+    /// Formulas: observation; torques; reward, then its terms; end; error relative to the tolerance.
     observe: Program,
     act: Program,
     reward: Program,
-    over: Program,
-    miss: Program,
+    terminated: Program,
+    error: Program,
     memory: usize,
     levels: Option<(usize, usize)>,
 }
 
 impl FileTask {
-    /// From the text of a file, for a robot named as in [`System::named`], or for the file's own robot; `name` is the task's name.
+    /// Reads the text of a file, for `robot` ([`System::named`]) or for the file's default robot; `name` is the task's
+    /// name.
     ///
     /// # Errors
     /// Faults of the text, with key and column; an unknown robot or scene.
     pub fn new(name: &str, text: &str, robot: Option<&str>) -> Result<Self, TaskError> {
         let wrong = |said: String| TaskError::File(name.into(), said);
-        let keys: Keys = toml::from_str(text).map_err(|e| match e.message() {
-            // This error has no place.
+        let (read, mut old) = renamed::toml(Kind::Task, text).map_err(wrong)?;
+        let keys: Keys = toml::from_str(&read).map_err(|e| match e.message() {
+            // This error of toml has no useful place.
             missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => wrong(missing.into()),
             _ => wrong(e.to_string().trim().replace('\n', " ")),
         })?;
@@ -72,7 +75,7 @@ impl FileTask {
         let (goal, commands, place) = commands(&keys);
         let levels = keys.levels.map(|levels| (goal.len() - 2, levels));
         names(&facts, &keys, &commands).map_err(wrong)?;
-        let share = Traced::from(keys.allowed.0.recip());
+        let share = Traced::from(keys.tolerance.0.recip());
         let mut terms = Vec::new();
         let mut read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
             let tape = Tape::default();
@@ -83,7 +86,7 @@ impl FileTask {
                 out.extend(if summed { vec![reader.one(&key, text).map_err(wrong)?] } else { reader.read(&key, text).map_err(wrong)? });
             }
             if key == "reward" {
-                // The terms of a single sum: the names that it refers to.
+                // The terms of a single expression are the names that it refers to.
                 let own = if let [(name, _)] = all
                     && name.is_empty()
                 {
@@ -95,10 +98,10 @@ impl FileTask {
                 out = out.into_iter().reduce(|a, b| a + b).into_iter().chain(values).collect();
                 terms = names;
             }
-            if key == "miss" && keys.allowed.0 != 1.0 {
-                out.iter_mut().for_each(|miss| *miss = *miss * share);
+            if key == "error" && keys.tolerance.0 != 1.0 {
+                out.iter_mut().for_each(|error| *error = *error * share);
             }
-            Ok::<_, TaskError>(Program::of(&tape, &out))
+            Ok::<_, TaskError>(Program::reduced(&tape, &out))
         };
         let counted = |list: &[String]| list.iter().enumerate().map(|(k, text)| (k.to_string(), text.clone())).collect::<Vec<_>>();
         let alone = |text: &Option<String>| text.iter().map(|text| (String::new(), text.clone())).collect::<Vec<_>>();
@@ -107,23 +110,23 @@ impl FileTask {
             Terms::Sum(terms) => terms.clone().into_iter().collect(),
         };
         let usual = Some("controlled(action)".to_string());
-        // Also names that nothing uses, each alone.
+        // Check unused names too, each alone.
         for name in keys.lets.keys() {
             read(Part::Reward, "let", &[(name.clone(), name.clone())], false)?;
         }
         let observe = read(Part::Other, "observation", &counted(&keys.observation), false)?;
         let act = read(Part::Act, "act", &alone(&keys.act.clone().or(usual)), false)?;
         let reward = read(Part::Reward, "reward", &summed, true)?;
-        let over = read(Part::Other, "over", &alone(&keys.over), true)?;
-        let miss = read(Part::Other, "miss", &alone(&keys.miss), true)?;
+        let terminated = read(Part::Other, "terminated", &alone(&keys.terminated), true)?;
+        let error = read(Part::Other, "error", &alone(&keys.error), true)?;
         let joints = system.robot.joint_count();
-        if act.len() != joints {
-            return Err(wrong(format!("act: it has {} torques, and `{}` has {joints} joints", act.len(), system.name)));
+        if act.out.len() != joints {
+            return Err(wrong(format!("act: it has {} torques, and `{}` has {joints} joints", act.out.len(), system.name)));
         }
-        if reward.len() == 0 {
+        if reward.out.is_empty() {
             return Err(wrong("reward: it has no term".into()));
         }
-        let read = [&observe, &act, &reward, &over, &miss].map(Program::goals);
+        let read = [&observe, &act, &reward, &terminated, &error].map(Program::goals);
         let last = read.into_iter().max().unwrap_or(0).saturating_sub(goal.len());
         let memory = if last > 2 * actions {
             last
@@ -140,12 +143,14 @@ impl FileTask {
             name: kept(name),
             robot: kept(robot),
             scene: kept(&scene.name),
-            observation: observe.len(),
+            observation: observe.out.len(),
             action: actions,
             steps: keys.steps,
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
+        old.extend(facts.old.take());
+        renamed::note(&format!("task {name}"), old);
         Ok(Self {
             about,
             system,
@@ -158,15 +163,16 @@ impl FileTask {
             observe,
             act,
             reward,
-            over,
-            miss,
+            terminated,
+            error,
             memory,
             levels,
         })
     }
 }
 
-/// Ranges of a goal's numbers, where each command is among them, and whether the first three are a position `target`, which is shown.
+/// Ranges of the goal's numbers; the position of each command among them; whether the first three are a `target` to be
+/// displayed.
 type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
 
 fn commands(keys: &Keys) -> Commands {
@@ -187,20 +193,20 @@ fn commands(keys: &Keys) -> Commands {
 
 fn levels(keys: &Keys) -> Result<(), String> {
     let Some(levels) = keys.levels else { return Ok(()) };
-    let of = (keys.terrain.is_some(), keys.miss.is_some(), keys.command.contains_key("level"));
+    let of = (keys.terrain.is_some(), keys.error.is_some(), keys.command.contains_key("level"));
     match of {
         (true, true, false) => within("levels", levels as f64, 2.0..=1000.0, ""),
         (_, _, true) => Err("command.level: with levels that is a word; choose another name".into()),
-        _ => Err("levels: an episode that succeeds by `miss` goes on to higher [terrain]; both are needed".into()),
+        _ => Err("levels: an episode that succeeds by `error` goes on to higher [terrain]; both are needed".into()),
     }
 }
 
-/// Largest value of a command, in its unit, and most numbers of all commands.
+/// Largest magnitude of a command (SI), and largest number of scalars in all commands.
 const FAR: f64 = 1e6;
-const ASKED: f64 = 4096.0;
+const COMMANDS: f64 = 4096.0;
 
 fn ranges(keys: &Keys) -> Result<(), String> {
-    within("numbers of [command]", keys.command.values().map(|command| command.0.len()).sum::<usize>() as f64, 0.0..=ASKED, "")?;
+    within("numbers of [command]", keys.command.values().map(|command| command.0.len()).sum::<usize>() as f64, 0.0..=COMMANDS, "")?;
     let all = keys.command.iter().flat_map(|(name, command)| command.0.iter().map(move |range| (name, range)));
     for (name, range) in all {
         let end = |x| within(format!("command.{name} is {range}; an end"), x, -FAR..=FAR, "");
@@ -209,7 +215,7 @@ fn ranges(keys: &Keys) -> Result<(), String> {
     Ok(())
 }
 
-/// Refuses names that are taken, or that are not identifiers.
+/// Refuses names that are in use, or are not identifiers.
 fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Result<(), String> {
     let all = commands.iter().map(|c| (&c.0, "command")).chain(keys.lets.keys().map(|name| (name, "let")));
     let terms = if let Terms::Sum(terms) = &keys.reward { Some(terms.keys()) } else { None };
@@ -218,7 +224,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
         if syn::parse_str::<syn::Ident>(name).is_err() {
             return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
         }
-        // A term's name is used only in tables.
+        // Terms appear only in tables of results.
         if table == "reward" {
             continue;
         }
@@ -232,7 +238,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
     Ok(())
 }
 
-/// A text with static lifetime, stored once for all that are equal.
+/// Interns a text with static lifetime.
 fn kept(text: &str) -> &'static str {
     static KEPT: Mutex<Option<HashSet<&'static str>>> = Mutex::new(None);
     let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -245,7 +251,7 @@ fn kept(text: &str) -> &'static str {
     text
 }
 
-impl Formulas for FileTask {
+impl Task for FileTask {
     fn about(&self) -> About {
         self.about
     }
@@ -286,35 +292,35 @@ impl Formulas for FileTask {
         self.act.controlled()
     }
 
-    fn allowed(&self) -> (f64, &str) {
-        (self.keys.allowed.0, &self.keys.allowed.1)
+    fn tolerance(&self) -> (f64, &str) {
+        (self.keys.tolerance.0, &self.keys.tolerance.1)
     }
 
-    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
-        out.copy_from_slice(&self.observe.run(sight, &[], &[]));
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
+        out.copy_from_slice(&self.observe.replay(sight.tape, &[], &[]));
     }
 
-    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
-        torques.copy_from_slice(&self.act.run(sight, action, &[]));
+    fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+        torques.copy_from_slice(&self.act.replay(sight.tape, action, &[]));
     }
 
-    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
-        self.reward.run(sight, &[], torques)[0]
+    fn reward<'a>(&self, sight: &Sight<'a>, torques: &[Traced<'a>]) -> Traced<'a> {
+        self.rewards(sight, torques)[0]
     }
 
     fn terms(&self) -> &[String] {
         &self.terms
     }
 
-    fn rewards<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> Vec<N> {
-        self.reward.run(sight, &[], torques)
+    fn rewards<'a>(&self, sight: &Sight<'a>, torques: &[Traced<'a>]) -> Vec<Traced<'a>> {
+        self.reward.replay(sight.tape, &[], torques)
     }
 
-    fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
-        self.miss.run(sight, &[], &[]).first().copied()
+    fn error<'a>(&self, sight: &Sight<'a>) -> Option<Traced<'a>> {
+        self.error.replay(sight.tape, &[], &[]).first().copied()
     }
 
-    fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
-        self.over.run(sight, &[], &[]).first().copied().unwrap_or(N::from(0.0))
+    fn terminated<'a>(&self, sight: &Sight<'a>) -> Traced<'a> {
+        self.terminated.replay(sight.tape, &[], &[]).first().copied().unwrap_or(0.0.into())
     }
 }

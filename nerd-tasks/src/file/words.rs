@@ -1,10 +1,12 @@
-//! Words of expressions: quantities of a robot, by its file.
+//! Words in expressions: quantities of a robot, from its files and its default pose.
 
-use nerd_sim::{prelude::*, scene::foot};
+use std::cell::RefCell;
 
-use crate::formula::{Leaf, Number, Tape, Traced};
+use nerd_sim::{files::renamed::Renamed, prelude::*, scene::foot};
 
-/// The objects that a vector's numbers belong to.
+use crate::formula::{Leaf, Tape, Traced, rotation};
+
+/// Meaning of a vector's elements, which gives them names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     Numbers,
@@ -12,29 +14,32 @@ pub(super) enum Of {
     Points,
 }
 
-/// Robot and scene, measured in the robot's default pose.
+/// Properties of robot and scene, measured in the robot's default pose.
 pub(super) struct Facts {
     pub system: Arc<System>,
     pub up: Vector3<f64>,
-    /// Whether the ground is not flat; height of flat ground (m), and of the root's origin above it when the lowest point stands on it.
+    /// Whether the terrain is uneven; height of flat ground (m), and of the root's origin above the lowest contact
+    /// point.
     terrain: bool,
     floor: f64,
     standing: f64,
-    /// Its longest side (m).
+    /// Longest side of the bounding box (m).
     size: f64,
-    /// Contact points of links that stand, and the others.
+    /// Contact points of feet, and of all other links.
     pub feet: Vec<usize>,
     pub body: Vec<usize>,
     /// Time of a step (s).
     pub step: f64,
-    /// The end of the longest chain of links: the link, and the position in its axes. Positions of the chain's end and beginning (m); its
-    /// length.
+    /// End of the longest chain of links: link, and position in its axes (m). World positions of this end and of the
+    /// chain's first link (m); length of the chain (m).
     tool: (usize, [f64; 3]),
     ends: [Vector3<f64>; 2],
     reach: f64,
+    /// Old words found in expressions.
+    pub old: RefCell<Vec<Renamed>>,
 }
 
-/// A link counts as a foot if its lowest point is within this share of the standing height above the lowest of all.
+/// A foot's lowest point is at most this share of the standing height above the robot's lowest.
 const STANDS: f64 = 0.1;
 
 impl Facts {
@@ -68,31 +73,22 @@ impl Facts {
         let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or(robot.links[last].frame.translation.vector);
         let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
         let tool = (last, tip.into());
-        let terrain = scene.terrain().is_some();
-        Self { system: system.clone(), up, terrain, floor, standing, size, feet, body, step, tool, ends, reach }
+        let (terrain, old) = (scene.terrain().is_some(), RefCell::default());
+        Self { system: system.clone(), up, terrain, floor, standing, size, feet, body, step, tool, ends, reach, old }
     }
 
-    /// Axes of the root, by rows of the world's: `[i][j]` is the component of its axis j along the world's axis i.
+    /// Rotation matrix of the root, body to world: `[i][j]` is the component of body axis j along world axis i.
     fn turn<'a>(&self, tape: &'a Tape) -> [[Traced<'a>; 3]; 3] {
-        let [x, y, z, c] = [3, 4, 5, 6].map(|k| state(tape, k));
-        // The state's quaternion need not be of unit length.
-        let (n, one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), Traced::from(1.0), Traced::from(2.0));
-        let along = |a: Traced<'a>, b: Traced<'a>| one - two * (a.squared() + b.squared()) / n;
-        [
-            [along(y, z), two * (x * y - c * z) / n, two * (x * z + c * y) / n],
-            [two * (x * y + c * z) / n, along(x, z), two * (y * z - c * x) / n],
-            [two * (x * z - c * y) / n, two * (y * z + c * x) / n, along(x, y)],
-        ]
+        rotation([3, 4, 5, 6].map(|k| state(tape, k)))
     }
 
-    /// A vector of the world in the root's axes.
+    /// Rotates a world vector into the root's axes.
     fn inside<'a>(&self, tape: &'a Tape, v: [Traced<'a>; 3]) -> Vec<Traced<'a>> {
         let turn = self.turn(tape);
         (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
     }
 
-    /// A word that is neither a command nor one of the file's own names; `None` if there is no such word. Words of a free root are refused
-    /// on a fixed base.
+    /// A built-in word; `None` if there is no such word. Words of a free root are refused on a fixed base.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
@@ -109,11 +105,13 @@ impl Facts {
         let found = match name {
             "q" => ((coords..nq).map(|k| state(tape, k)).collect(), Of::Joints),
             "qd" => ((dofs..robot.nv()).map(|k| state(tape, nq + k)).collect(), Of::Joints),
-            "rest" => specs(&|joint| joint.default),
+            "default_q" => specs(&|joint| joint.default_q),
             "kp" => specs(&|joint| joint.kp),
             "kd" => specs(&|joint| joint.kd),
             "gain" => specs(&|joint| joint.gain.unwrap_or(joint.torque)),
-            "most" => list(robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect(), Of::Joints),
+            "torque_limit" => {
+                list(robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect(), Of::Joints)
+            }
             "low" => joints(&limit(false)),
             "high" => joints(&limit(true)),
             "gap" | "feet" | "body" | "standing" if robot.contact_points.is_empty() => {
@@ -123,7 +121,7 @@ impl Facts {
                 return Some(Err(what));
             }
             "gap" => {
-                let gap = |k: usize| tape.leaf(Leaf::Distance(k), f64::NAN) - Traced::from(robot.contact_points[k].radius);
+                let gap = |k: usize| tape.leaf(Leaf::Distance(k)) - Traced::from(robot.contact_points[k].radius);
                 ((0..robot.contact_points.len()).map(gap).collect(), Of::Points)
             }
             "radius" => list(robot.contact_points.iter().map(|p| p.radius).collect(), Of::Points),
@@ -135,16 +133,16 @@ impl Facts {
             "standing" => known(self.standing),
             "step" => known(self.step),
             "reach" => known(self.reach),
-            "rest_tool" => list(self.ends[0].as_slice().to_vec(), Of::Numbers),
+            "default_tool" => list(self.ends[0].as_slice().to_vec(), Of::Numbers),
             "shoulder" => list(self.ends[1].as_slice().to_vec(), Of::Numbers),
             "tool" => {
                 let (link, local) = self.tool;
-                ((0..3).map(|axis| tape.leaf(Leaf::Place { link, local, axis }, f64::NAN)).collect(), Of::Numbers)
+                ((0..3).map(|axis| tape.leaf(Leaf::Place { link, local, axis })).collect(), Of::Numbers)
             }
             "pi" => known(std::f64::consts::PI),
             "deg" => known(std::f64::consts::PI / 180.0),
-            "position" | "quaternion" | "twist" | "height" | "ground" | "up" | "forward" | "velocity" | "spin" | "world_velocity"
-            | "world_spin"
+            "position" | "quaternion" | "twist" | "height" | "ground" | "up" | "forward" | "velocity" | "ang_vel" | "world_velocity"
+            | "world_ang_vel"
                 if !robot.floating() =>
             {
                 let fixed = format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name);
@@ -153,10 +151,10 @@ impl Facts {
             "position" => root(0..3),
             "quaternion" => root(3..7),
             "twist" => root(nq..nq + 6),
-            "world_spin" => root(nq..nq + 3),
+            "world_ang_vel" => root(nq..nq + 3),
             "world_velocity" => (world_velocity(tape, nq).to_vec(), Of::Numbers),
             "velocity" => (self.inside(tape, world_velocity(tape, nq)), Of::Numbers),
-            "spin" => (self.inside(tape, [0, 1, 2].map(|k| state(tape, nq + k))), Of::Numbers),
+            "ang_vel" => (self.inside(tape, [0, 1, 2].map(|k| state(tape, nq + k))), Of::Numbers),
             "up" => (self.inside(tape, [0, 1, 2].map(|k| Traced::from(self.up[k]))), Of::Numbers),
             "forward" => (self.turn(tape).map(|row| row[0]).to_vec(), Of::Numbers),
             "height" => {
@@ -171,23 +169,23 @@ impl Facts {
         Some(Ok(found))
     }
 
-    /// Height of the ground (m) at a distance ahead of a free root and to its left, relative to its heading.
+    /// Height of the ground (m) at a distance ahead of a free root and to its left (m), relative to its heading.
     pub fn ground<'a>(&self, tape: &'a Tape, at: [f64; 2]) -> Traced<'a> {
-        if self.terrain { tape.leaf(Leaf::Ground(at), f64::NAN) } else { Traced::from(self.floor) }
+        if self.terrain { tape.leaf(Leaf::Ground(at)) } else { Traced::from(self.floor) }
     }
 
-    /// All words, except names of parts of a robot's file.
-    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, ground, up, forward, velocity, spin, \
-                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, rest_tool, \
+    /// All words, except names of a robot's parts.
+    pub const WORDS: &str = "q, qd, default_q, low, high, kp, kd, gain, torque_limit, position, quaternion, twist, height, ground, up, forward, \
+                             velocity, ang_vel, world_velocity, world_ang_vel, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, default_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";
 
-    /// The frame of a link or of a body fixed on it: the link, and position and rotation in the link's axes.
+    /// The frame of a link or of a body fixed on it: link index, position (m) and rotation in the link's axes.
     pub fn frame(&self, name: &str) -> Option<(usize, Vector3<f64>, Matrix3<f64>)> {
         let frame = self.system.robot.frame(name).ok()?;
         Some((frame.link?, frame.pose.translation.vector, frame.pose.rotation.to_rotation_matrix().into_inner()))
     }
 
-    /// Index of a joint, or indices of a link's contact points.
+    /// Indices of a joint by name, or of a link's contact points.
     pub fn named(&self, name: &str, of: Of) -> Result<Vec<usize>, String> {
         let robot = &self.system.robot;
         let (found, what, known): (Vec<usize>, _, Vec<_>) = match of {
@@ -212,7 +210,7 @@ impl Facts {
     }
 }
 
-/// Velocity of the root's origin: the linear part of its twist is about the world's origin.
+/// Velocity of the root's origin (m/s, world axes); the linear part of its twist is about the world's origin.
 fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
     let (p, [w, v]) = ([0, 1, 2].map(|k| state(tape, k)), [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k))));
     let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];
@@ -220,7 +218,7 @@ fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
 }
 
 fn state(tape: &Tape, k: usize) -> Traced<'_> {
-    tape.leaf(Leaf::State(k), f64::NAN)
+    tape.leaf(Leaf::State(k))
 }
 
 fn none(x: Traced) -> bool {

@@ -1,20 +1,21 @@
-//! Tasks as formulas, written once for any kind of number: with f64 they are evaluated on the CPU, with recorded numbers the same steps
-//! become a program for a GPU. So a task of one's own that is [`Formulas`] runs there like the built-in ones. Either has gradients: one
-//! adjoint sweep over the recorded steps (`sweep.rs`), for numbers and for text.
-//! `examples/backwards.rs` has one.
+//! A task's arithmetic, written once as formulas on recorded numbers ([`Traced`]) that a [`Sight`] gives. [`Compiled`]
+//! evaluates the record on the CPU, writes it as GPU kernels, and one adjoint sweep over it (`sweep.rs`) gives gradients
+//! for both. `examples/backwards.rs` is such a task.
 
-mod formulas;
+mod compiled;
+mod forms;
+mod gradients;
 mod number;
+mod program;
 mod sight;
-mod slopes;
 mod sweep;
 mod tape;
-mod task;
 mod text;
 
-pub use formulas::Formulas;
+pub use compiled::Compiled;
+pub use forms::Forms;
 pub use number::Number;
-pub use sight::Sight;
+pub(crate) use program::Program;
+pub use sight::{Sight, rotation};
 pub(crate) use tape::{Given, Leaf, Node};
 pub use tape::{Tape, Traced};
-pub use text::written;

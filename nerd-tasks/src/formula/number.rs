@@ -2,11 +2,11 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number, or its text. Comparisons are numbers, too: 1 or 0.
+/// A real number, or a recorded one. Comparisons return numbers: 1 or 0.
 pub trait Number:
     Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// Applies a function of this number and another one.
+    /// Applies `function` to this number and `other`.
     #[doc(hidden)]
     fn made(self, function: Function, other: Self) -> Self;
 
@@ -15,7 +15,7 @@ pub trait Number:
         self.made(Function::Sqrt, 0.0.into())
     }
 
-    /// e to this.
+    /// Exponential, `e^x`.
     fn exp(self) -> Self {
         self.made(Function::Exp, 0.0.into())
     }
@@ -25,7 +25,7 @@ pub trait Number:
         self.made(Function::Sin, 0.0.into())
     }
 
-    /// Its cosine.
+    /// Cosine of an angle (rad).
     fn cos(self) -> Self {
         self.made(Function::Cos, 0.0.into())
     }
@@ -35,32 +35,32 @@ pub trait Number:
         self.made(Function::Abs, 0.0.into())
     }
 
-    /// The larger of two.
+    /// The larger of two numbers.
     fn max(self, other: Self) -> Self {
         self.made(Function::Max, other)
     }
 
-    /// The smaller of two.
+    /// The smaller of two numbers.
     fn min(self, other: Self) -> Self {
         self.made(Function::Min, other)
     }
 
-    /// An angle (rad) in [-pi, pi), as [`nerd_core::state::wrap`].
+    /// Wraps an angle (rad) to [-pi, pi), as [`nerd_core::state::wrap`].
     fn wrap(self) -> Self {
         self.made(Function::Wrap, 0.0.into())
     }
 
-    /// Whether it is less than another.
+    /// 1 if less than `other`, else 0.
     fn below(self, other: Self) -> Self {
         self.made(Function::Below, other)
     }
 
-    /// Its square.
+    /// Square.
     fn squared(self) -> Self {
         self * self
     }
 
-    /// Whether one of the two holds (1 or 0).
+    /// 1 if either of two conditions (1 or 0) holds.
     fn or(self, other: Self) -> Self {
         self.max(other)
     }
@@ -88,7 +88,7 @@ impl Number for f64 {
     }
 }
 
-/// Functions of two numbers; some ignore the second.
+/// Functions of one or two numbers; unary ones ignore the second.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
@@ -108,13 +108,13 @@ pub enum Function {
     Below,
 }
 
-/// Largest derivative of a square root: at 0 it is infinite, as for a distance.
+/// Limit on the derivative of a square root, which is infinite at 0, as for a distance.
 const STEEPEST: f64 = 1e12;
 
 impl Function {
-    /// Derivatives with respect to both numbers, y being the result; `None` if it does not depend on one. For equal numbers max and min
-    /// take the first.
-    pub(super) fn slopes<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
+    /// Derivatives with respect to both arguments, with result y; `None` where the result does not depend on the
+    /// argument. For equal arguments max and min take the first.
+    pub(super) fn gradients<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
         let one = N::from(1.0);
         match self {
             Self::Add => [Some(one), Some(one)],

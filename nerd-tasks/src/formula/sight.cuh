@@ -1,20 +1,20 @@
-// Quantities of one environment that formulas may read.
+// Quantities of one environment that formulas read.
 
-// Divisor for constants that are not finite.
+// A zero divisor for constants that are not finite.
 FN double zero() { return 0; }
 
 struct Seen { const double *state, *goal, *scene; Work* work; };
 
-// Position in the world.
+// Coordinate k of a link's point in the world (m).
 FN double place(const Seen& s, int link, double x, double y, double z, int k) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z);
     return (k == 0 ? p.x : k == 1 ? p.y : p.z) + stands(*s.work, k);
 }
-// A function, not inlined for every point of a robot that a task names: a G1 has 72, which took a minute to compile.
+// Distance of a contact point from the scene. Not inlined: for the 72 points of a G1 inlining took a minute to compile.
 BIG double gap(const Seen& s, int point) { return nearest(*s.work, point); }
 
-// Height of uneven ground at a distance ahead of the root and to its left, relative to its heading.
+// Height of uneven ground at a distance ahead of the root and to its left (m), relative to its heading.
 BIG double ground(const Seen& s, double ahead, double aside) {
 #if FIELDS
     const double* f = terrain(s.scene);
@@ -41,7 +41,7 @@ BIG double ground(const Seen& s, double ahead, double aside) {
 #endif
 }
 
-// Adds to loads on links the gradient that reaches them through one of these quantities.
+// Adjoints of these quantities: add gradients to loads on links.
 FN void place_back(const Seen& s, int link, double x, double y, double z, int k, double by, Wrench* load) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z), force = v3(k == 0, k == 1, k == 2) * by;

@@ -1,159 +1,99 @@
-//! Quantities of one environment that formulas can read.
+//! Quantities of one environment that formulas read.
 
 use nerd_sim::prelude::*;
 
+use super::Number;
 use super::tape::{Leaf, Tape, Traced};
-use crate::{View, Work};
+use crate::Task;
 
-/// One environment, in numbers of one kind.
-pub trait Sight<N> {
-    /// The robot.
-    fn system(&self) -> &System;
-    /// Number k of the state's `q` (m, rad; a free root's quaternion is x y z w).
-    fn q(&self, k: usize) -> N;
-    /// Number k of the state's `qd` (m/s, rad/s); a free root's first six are its twist about the world's origin.
-    fn qd(&self, k: usize) -> N;
-    /// Number k of the episode's goal, see [`super::Formulas::goal`].
-    fn goal(&self, k: usize) -> N;
-    /// World position of a point of a link (m); `local` in the link's own axes (m).
-    fn place(&mut self, link: usize, local: [f64; 3]) -> [N; 3];
-    /// Distance of a contact point from the scene (m), radius not subtracted; points in the order of the robot's `contact_points`.
-    fn distance(&mut self, point: usize) -> N;
-    /// Height (m) of uneven ground ([`Scene::ground`]) at a distance (m) ahead of a free root and to its left; 0 for other ground.
-    fn ground(&mut self, at: [f64; 2]) -> N;
-    /// The robot's own controller ([`nerd_sim::control::Controller`]): one action a joint in, one torque a joint out (N m or N).
-    fn controlled(&mut self, action: &[N], torques: &mut [N]);
-}
-
-/// On the CPU: poses of links and distances are computed at their first use.
-pub(super) struct Direct<'a> {
-    view: View<'a>,
-    work: &'a mut Work,
-    placed: bool,
-    near: bool,
-}
-
-impl<'a> Direct<'a> {
-    pub(super) fn new(view: View<'a>, work: &'a mut Work) -> Self {
-        Self { view, work, placed: false, near: false }
-    }
-}
-
-impl Sight<f64> for Direct<'_> {
-    fn system(&self) -> &System {
-        &self.work.system
-    }
-
-    fn q(&self, k: usize) -> f64 {
-        self.view.state[k]
-    }
-
-    fn qd(&self, k: usize) -> f64 {
-        self.view.state[self.work.system.robot.nq() + k]
-    }
-
-    fn goal(&self, k: usize) -> f64 {
-        self.view.goal[k]
-    }
-
-    fn place(&mut self, link: usize, local: [f64; 3]) -> [f64; 3] {
-        let Work { system, data, .. } = &mut *self.work;
-        if !std::mem::replace(&mut self.placed, true) {
-            kinematics(&system.robot, self.view.state, data);
-        }
-        point_position(data, link, &local.into()).into()
-    }
-
-    fn distance(&mut self, point: usize) -> f64 {
-        let Work { system, data, events, .. } = &mut *self.work;
-        if !std::mem::replace(&mut self.near, true) {
-            contacts(system, self.view.scene, self.view.state, data, events);
-            self.placed = false;
-        }
-        events[point].distance
-    }
-
-    fn ground(&mut self, at: [f64; 2]) -> f64 {
-        self.view.scene.ground(self.view.state, at).unwrap_or(0.0)
-    }
-
-    fn controlled(&mut self, action: &[f64], torques: &mut [f64]) {
-        self.work.controller.torques(self.view.state, action, torques);
-    }
-}
-
-/// Records every access; values exist on the CPU alone.
-pub(super) struct Recorded<'a, 'b> {
-    pub tape: &'a Tape,
-    system: &'b System,
+/// One environment, as numbers on a tape. Every access is recorded; its value is known when the tape is evaluated.
+pub struct Sight<'a> {
+    pub(crate) tape: &'a Tape,
+    system: &'a System,
     goals: usize,
-    direct: Option<Direct<'b>>,
+    plain: usize,
 }
 
-impl<'a, 'b> Recorded<'a, 'b> {
-    /// Without a state.
-    pub fn unknown(tape: &'a Tape, system: &'b System, goals: usize) -> Self {
-        Self { tape, system, goals, direct: None }
+impl<'a> Sight<'a> {
+    /// What a task sees of a robot, recorded on `tape`.
+    pub fn new(tape: &'a Tape, system: &'a System, task: &dyn Task) -> Self {
+        Self { tape, system, goals: task.goal_dim(), plain: task.plain().map_or(0, |plain| plain.numbers_dim()) }
     }
 
-    /// With the values of a view.
-    pub fn of(tape: &'a Tape, system: &'b System, view: View<'b>, work: &'b mut Work) -> Self {
-        Self { tape, system, goals: view.goal.len(), direct: Some(Direct::new(view, work)) }
+    /// The action, clamped to [-1, 1].
+    pub fn action(&self, width: usize) -> Vec<Traced<'a>> {
+        (0..width).map(|k| self.tape.leaf(Leaf::Action(k))).collect()
     }
 
-    fn leaf(&self, leaf: Leaf, value: impl FnOnce(&Direct) -> f64) -> Traced<'a> {
-        self.tape.leaf(leaf, self.direct.as_ref().map_or(f64::NAN, value))
-    }
-}
-
-impl<'a> Sight<Traced<'a>> for Recorded<'a, '_> {
-    fn system(&self) -> &System {
+    /// The robot.
+    pub fn system(&self) -> &'a System {
         self.system
     }
 
-    fn q(&self, k: usize) -> Traced<'a> {
+    /// Number k of the state's `q` (m, rad; a free root's quaternion is x y z w).
+    pub fn q(&self, k: usize) -> Traced<'a> {
         self.tape.among("coordinates", k, self.system.robot.nq());
-        self.leaf(Leaf::State(k), |direct| direct.q(k))
+        self.tape.leaf(Leaf::State(k))
     }
 
-    fn qd(&self, k: usize) -> Traced<'a> {
+    /// Number k of the state's `qd` (m/s, rad/s); a free root's first six are the twist about the world's origin.
+    pub fn qd(&self, k: usize) -> Traced<'a> {
         self.tape.among("velocities", k, self.system.robot.nv());
-        self.leaf(Leaf::State(self.system.robot.nq() + k), |direct| direct.qd(k))
+        self.tape.leaf(Leaf::State(self.system.robot.nq() + k))
     }
 
-    fn goal(&self, k: usize) -> Traced<'a> {
+    /// Number k of the episode's goal: drawn from [`Task::goal`], of [`crate::Plain`], then of [`Task::memory`].
+    pub fn goal(&self, k: usize) -> Traced<'a> {
         self.tape.among("numbers of the goal", k, self.goals);
-        self.leaf(Leaf::Goal(k), |direct| direct.goal(k))
+        self.tape.leaf(Leaf::Goal(k))
     }
 
-    fn place(&mut self, link: usize, local: [f64; 3]) -> [Traced<'a>; 3] {
+    /// Number k of [`crate::Plain::numbers`]. On the CPU alone, and without gradients.
+    pub fn plain(&self, k: usize) -> Traced<'a> {
+        self.tape.among("numbers of plain code", k, self.plain);
+        self.tape.leaf(Leaf::Plain(k))
+    }
+
+    /// World position (m) of a point of a link; `local` in the link frame (m).
+    pub fn place(&self, link: usize, local: [f64; 3]) -> [Traced<'a>; 3] {
         self.tape.among("links", link, self.system.robot.links.len());
-        let at = self.direct.as_mut().map_or([f64::NAN; 3], |direct| direct.place(link, local));
-        [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }, at[axis]))
+        [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }))
     }
 
-    fn distance(&mut self, point: usize) -> Traced<'a> {
+    /// Distance (m) of a contact point from the scene, radius not subtracted. Order of the robot's `contact_points`.
+    pub fn distance(&self, point: usize) -> Traced<'a> {
         self.tape.among("contact points", point, self.system.robot.contact_points.len());
-        let gap = self.direct.as_mut().map_or(f64::NAN, |direct| direct.distance(point));
-        self.tape.leaf(Leaf::Distance(point), gap)
+        self.tape.leaf(Leaf::Distance(point))
     }
 
-    fn ground(&mut self, at: [f64; 2]) -> Traced<'a> {
-        let height = self.direct.as_mut().map_or(f64::NAN, |direct| direct.ground(at));
-        self.tape.leaf(Leaf::Ground(at), height)
+    /// Height (m) of uneven ground ([`Scene::ground`]) at `at` (m) ahead of a free root and to its left; 0 for other
+    /// ground.
+    pub fn ground(&self, at: [f64; 2]) -> Traced<'a> {
+        self.tape.leaf(Leaf::Ground(at))
     }
 
-    fn controlled(&mut self, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+    /// The robot's controller ([`nerd_sim::control::Controller`]): one action per joint in, one torque per joint out (N
+    /// m or N).
+    pub fn controlled(&self, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
         let joints = self.system.robot.joint_count();
         if action.len() != joints || torques.len() != joints {
             let text = format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
             self.tape.wrong.borrow_mut().get_or_insert(text);
+            return;
         }
-        let (call, mut values) = (self.tape.list(action), vec![f64::NAN; torques.len()]);
-        if let Some(direct) = &mut self.direct {
-            direct.controlled(&action.iter().map(|a| a.value()).collect::<Vec<_>>(), &mut values);
-        }
-        let all = torques.iter_mut().zip(values).enumerate();
-        all.for_each(|(i, (tau, value))| *tau = self.tape.leaf(Leaf::Controlled { call, i }, value));
+        let call = self.tape.list(action);
+        torques.iter_mut().enumerate().for_each(|(i, tau)| *tau = self.tape.leaf(Leaf::Controlled { call, i }));
     }
+}
+
+/// Rotation matrix of a quaternion (x y z w), normalised or not: `[i][j]` is the component of body axis j along world
+/// axis i.
+pub fn rotation<'a>([x, y, z, c]: [Traced<'a>; 4]) -> [[Traced<'a>; 3]; 3] {
+    let (n, one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), Traced::from(1.0), Traced::from(2.0));
+    let along = |a: Traced<'a>, b: Traced<'a>| one - two * (a.squared() + b.squared()) / n;
+    [
+        [along(y, z), two * (x * y - c * z) / n, two * (x * z + c * y) / n],
+        [two * (x * y + c * z) / n, along(x, z), two * (y * z - c * x) / n],
+        [two * (x * z - c * y) / n, two * (y * z + c * x) / n, along(x, y)],
+    ]
 }

@@ -1,20 +1,21 @@
-//! The adjoint sweep through recorded formulas, for any kind of number: plain numbers give gradients, recorded ones the program that
-//! computes them.
+//! The adjoint sweep over recorded formulas, for any number type. Plain numbers give gradients; recorded ones give a
+//! program for them.
 
 use super::Number;
 use super::tape::{Given, Leaf, Node};
 
-/// Inputs and destinations of an adjoint sweep.
+/// Values and gradient accumulators of an adjoint sweep.
 pub(super) trait Ends<N> {
     /// Value of a node.
     fn value(&self, node: usize) -> N;
     /// Receives the gradient with respect to a leaf.
     fn leaf(&mut self, leaf: Leaf, by: N);
-    /// Gradients with respect to the action of a call of the controller, from those with respect to its torques.
+    /// Gradient with respect to the action of a controller call, from the gradient with respect to its torques.
     fn controlled(&mut self, call: usize, by: &[N]) -> Vec<N>;
 }
 
-/// Maps gradients `seeds` with respect to results to those with respect to the leaves of `nodes`; `lists` are the actions of calls.
+/// Propagates gradients `seeds` with respect to results back to the leaves of `nodes`. `lists` are the actions of
+/// controller calls.
 pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(Given, N)], ends: &mut impl Ends<N>) {
     let mut by: Vec<Option<N>> = vec![None; nodes.len()];
     let add = |by: &mut Vec<Option<N>>, at: Given, g: N| {
@@ -25,7 +26,7 @@ pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(G
     seeds.iter().for_each(|(at, g)| add(&mut by, *at, *g));
     for k in (0..nodes.len()).rev() {
         match (nodes[k], by[k]) {
-            // The torques of a call are consecutive; the sweep meets the first one (i = 0) last.
+            // The torques of a call are consecutive; the sweep reaches the first one (i = 0) last.
             (Node::Leaf(Leaf::Controlled { call, i: 0 }), _) => {
                 let of = &by[k..k + lists[call].len()];
                 if of.iter().any(Option::is_some) {
@@ -40,9 +41,9 @@ pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(G
                     Given::Known(x) => N::from(x),
                     Given::Node(k) => ends.value(k),
                 });
-                for (at, slope) in both.into_iter().zip(f.slopes(a, b, ends.value(k))) {
-                    if let (Some(slope), Given::Node(_)) = (slope, at) {
-                        add(&mut by, at, g * slope);
+                for (at, gradient) in both.into_iter().zip(f.gradients(a, b, ends.value(k))) {
+                    if let (Some(gradient), Given::Node(_)) = (gradient, at) {
+                        add(&mut by, at, g * gradient);
                     }
                 }
             }

@@ -1,11 +1,11 @@
-//! Formulas as a record: every operation is a node, from which values, gradients and text are made.
+//! Formulas as a record: every operation is a node, the source of values, gradients, program text and contracts.
 
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::number::{Function, Number};
 
-/// An input of a formula.
+/// Input of a formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Leaf {
     /// Number k of the state.
@@ -16,21 +16,23 @@ pub(crate) enum Leaf {
     Action(usize),
     /// Number k of the torques of the last frame.
     Torque(usize),
-    /// Number k of the upstream gradient of an adjoint.
+    /// Entry k of the upstream gradient in an adjoint.
     By(usize),
-    /// A coordinate of a point of a link, given in the link's own axes.
+    /// World coordinate of a point given in a link's frame.
     Place { link: usize, local: [f64; 3], axis: usize },
     /// Distance of a contact point from the scene.
     Distance(usize),
-    /// Height of the ground at a distance ahead of a free root and to its left. It is held constant.
+    /// Height of the ground at a distance ahead of a free root and to its left. Held constant in gradients.
     Ground([f64; 2]),
-    /// Torque i of a call of the controller.
+    /// Number k of the task's plain code.
+    Plain(usize),
+    /// Torque i of a controller call.
     Controlled { call: usize, i: usize },
-    /// Gradient with respect to number i of the action of a call, from the torques' gradient in list `by`.
+    /// Gradient with respect to entry i of the action of a call, from the torques' gradient in list `by`.
     Pushed { call: usize, by: usize, i: usize },
 }
 
-/// A known number, or a node's value.
+/// A constant, or the value of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Given {
     Known(f64),
@@ -43,25 +45,25 @@ pub(crate) enum Node {
     Made(Function, [Given; 2]),
 }
 
-/// The nodes so far, each with its value if the values of its leaves are known.
+/// The recorded nodes.
 #[derive(Debug, Default)]
 pub struct Tape {
-    pub(crate) nodes: RefCell<Vec<(Node, f64)>>,
-    /// Actions of calls of the controller, and gradients with respect to their torques.
+    pub(crate) nodes: RefCell<Vec<Node>>,
+    /// Actions of controller calls, and gradients with respect to their torques.
     pub(crate) lists: RefCell<Vec<Vec<Given>>>,
     /// The first index out of range, if any.
     pub(crate) wrong: RefCell<Option<String>>,
 }
 
 impl Tape {
-    fn push(&self, node: Node, value: f64) -> Traced<'_> {
+    fn push(&self, node: Node) -> Traced<'_> {
         let mut nodes = self.nodes.borrow_mut();
-        nodes.push((node, value));
+        nodes.push(node);
         Traced::Node(self, nodes.len() - 1)
     }
 
-    pub(crate) fn leaf(&self, leaf: Leaf, value: f64) -> Traced<'_> {
-        self.push(Node::Leaf(leaf), value)
+    pub(crate) fn leaf(&self, leaf: Leaf) -> Traced<'_> {
+        self.push(Node::Leaf(leaf))
     }
 
     pub(crate) fn list(&self, numbers: &[Traced]) -> usize {
@@ -78,12 +80,12 @@ impl Tape {
     }
 }
 
-/// A number of a formula that is recorded.
+/// A recorded number of a formula.
 #[derive(Clone, Copy, Debug)]
 pub enum Traced<'a> {
-    /// Known when recorded.
+    /// A constant.
     Number(f64),
-    /// Of this node.
+    /// The value of this node.
     Node(&'a Tape, usize),
 }
 
@@ -100,13 +102,6 @@ impl<'a> Traced<'a> {
             Self::Node(_, k) => Given::Node(k),
         }
     }
-
-    pub(crate) fn value(self) -> f64 {
-        match self {
-            Self::Number(x) => x,
-            Self::Node(tape, k) => tape.nodes.borrow()[k].1,
-        }
-    }
 }
 
 macro_rules! operators {
@@ -115,6 +110,20 @@ macro_rules! operators {
             type Output = Self;
             fn $method(self, other: Self) -> Self {
                 self.made(Function::$operator, other)
+            }
+        }
+
+        impl $operator<f64> for Traced<'_> {
+            type Output = Self;
+            fn $method(self, other: f64) -> Self {
+                self.made(Function::$operator, other.into())
+            }
+        }
+
+        impl<'a> $operator<Traced<'a>> for f64 {
+            type Output = Traced<'a>;
+            fn $method(self, other: Traced<'a>) -> Traced<'a> {
+                Traced::from(self).made(Function::$operator, other)
             }
         }
     )+ };
@@ -130,11 +139,10 @@ impl Neg for Traced<'_> {
 
 impl Number for Traced<'_> {
     fn made(self, f: Function, other: Self) -> Self {
-        let value = self.value().made(f, other.value());
         match (f, self, other) {
-            (_, Self::Number(_), Self::Number(_)) => Self::Number(value),
+            (_, Self::Number(a), Self::Number(b)) => Self::Number(a.made(f, b)),
             (Function::Mul, Self::Number(1.0), x) | (Function::Mul, x, Self::Number(1.0)) => x,
-            (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => tape.push(Node::Made(f, [self.given(), other.given()]), value),
+            (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => tape.push(Node::Made(f, [self.given(), other.given()])),
         }
     }
 }

@@ -1,26 +1,26 @@
 // Episodes of a task in many environments, as in episodes.rs.
 
 constexpr int STATE = NQ + NV;
-// A coordinate beyond this counts as a failure.
+// A coordinate or velocity beyond this is a failure.
 constexpr double FAR = 1e5;
 
-// All environments, row by row. `begun` and the seed's key determine the next draws; `memory` counts the frames that a learned solver
-// remembers.
+// All environments, row-major. `begun` and the seed's key determine the next draws; `memory` counts the frames that a
+// learned solver remembers.
 struct World {
     double *states, *goals, *torques, *scenes;
     const int* scene_of;
     int* faults;
     unsigned *memory, *failed;
     unsigned long long *frames, *begun, key[4], first;
-    // Episodes that failed, and 1 + an environment whose start cannot be stepped.
+    // Number of failed episodes, and 1 + the index of an environment with a start state that cannot be stepped.
     unsigned* counts;
-    // Whether episodes go up and down in levels.
+    // Number of environments; whether the level changes between episodes.
     int n, climbs;
     // States before the last frames of each environment, the newest first, for delayed observations.
     double* before;
 };
 
-// The stream of an environment's present episode.
+// Random stream of an environment's present episode.
 FN unsigned long long stream_of(const World& w, int env) { return (w.first + env) << 32 | (w.begun[env] - 1); }
 
 BIG void restart(const World& w, int env) {
@@ -28,7 +28,7 @@ BIG void restart(const World& w, int env) {
     w.begun[env]++;
     double *goal = w.goals + (long long)env * GOALS, *scene = w.scenes + (long long)w.scene_of[env] * SCENE;
     const double level = LEVELS ? goal[LEVEL_AT] : 1;
-    for (int k = 0; k < GOALS; k++) goal[k] = k < GOALS - MEMORY ? between(d, ASKED + 2 * k) : 0;
+    for (int k = 0; k < GOALS; k++) goal[k] = k < GOALS - MEMORY ? between(d, COMMAND + 2 * k) : 0;
     double state[STATE];
     for (int k = 0; k < STATE; k++) state[k] = 0;
     start(d, state);
@@ -53,7 +53,7 @@ FN void counted(const World& w, int env) {
     restart(w, env);
 }
 
-// Level of the next episode: up after an episode that lasted and succeeded, down after one that did not last.
+// Level of the next episode: up after an episode that lasts and succeeds, down after a terminated one.
 FN void climb(const World& w, int env, bool lasted) {
 #if LEVELS
     constexpr unsigned long long steps = LENGTH / STEP_FRAMES;
@@ -63,17 +63,18 @@ FN void climb(const World& w, int env, bool lasted) {
 #endif
 }
 
-// An environment for formulas; with `asks` also kinematics and distances.
+// An environment for formulas, with `asks` including kinematics and distances.
 FN Seen seen(const World& w, int env, Work& work, bool asks) {
     const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, w.scenes + (long long)w.scene_of[env] * SCENE, &work};
     if (asks) settle(work, s.state, s.scene);
     return s;
 }
 
-// Memory of a frame, or null: state and goal before it, torques in it.
+// Records of a frame, or null: state and goal before it, torques in it.
 struct Past { double *states, *torques, *goals; };
 
-// After a step: its action becomes the last one, after the drawn numbers of the goal; counts the step if the goal has a clock.
+// After a step: its action becomes the last action, after the drawn numbers of the goal; an episode clock in the goal
+// advances.
 FN void remember(double* goal, const float* action) {
     double* kept = goal + GOALS - MEMORY;
     if (MEMORY % 2) kept[MEMORY - 1] += 1;
@@ -83,7 +84,7 @@ FN void remember(double* goal, const float* action) {
     }
 }
 
-// Torques of a frame of a step.
+// Torques of one frame of a step.
 FN void act(const World& w, int env, const float* actions, int frame, Past past) {
     if (frame) counted(w, env);
     shoved(w.key, stream_of(w, env), w.frames[env], w.states + (long long)env * STATE);
@@ -104,8 +105,8 @@ FN void act(const World& w, int env, const float* actions, int frame, Past past)
     if (frame == STEP_FRAMES - 1) remember(w.goals + (long long)env * GOALS, actions + (long long)env * ACTIONS);
 }
 
-// Rows as input of a policy: the newest observation, its difference from the one before, that difference's difference, and so on
-// (stack.rs).
+// Input row of a policy: the newest observation, its difference from the previous one, the difference of differences,
+// and so on (stack.rs).
 FN void pushed(const double* now, const double* row, double* out, int depth) {
     for (int j = depth - 1; j > 1; j--)
         for (int k = 0; k < SEEN; k++) out[j * SEEN + k] = row[(j - 1) * SEEN + k];
@@ -136,8 +137,8 @@ FN void observe(const World& w, int env, Work& work, double* out) {
 #endif
 }
 
-// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), the next observation. `cut` gets the final observation of
-// truncated episodes, and `reached` the state, if not null; NaN where the solver failed.
+// After a step: reward, end (0 none, 1 terminated, 2 truncated) and next input row. `cut` gets the final row of
+// truncated episodes, `reached`, if not null, the state; NaN where the solver failed.
 FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end,
               double* reached) {
     counted(w, env);
@@ -146,7 +147,7 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
     for (int k = 0; k < STATE && reached; k++) reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
     Work work;
     if (w.failed[env]) {
-        // As on the CPU: once because it failed, once because it ended.
+        // As on the CPU: one start after the failure, one after the end.
         w.begun[env]++;
         *reward = 0;
         *end = 1;
@@ -157,14 +158,14 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
 #endif
         w.failed[env] = 0;
     } else {
-        Seen s = seen(w, env, work, OVER_ASKS);
-        task_over(s, &out);
+        Seen s = seen(w, env, work, TERMINATED_ASKS);
+        task_terminated(s, &out);
         *end = out != 0 ? 1 : w.frames[env] >= LENGTH ? 2 : 0;
-        if (REWARD_ASKS && !OVER_ASKS) s = seen(w, env, work, true);
+        if (REWARD_ASKS && !TERMINATED_ASKS) s = seen(w, env, work, true);
         task_reward(s, w.torques + (long long)env * NJ, reward);
 #if LEVELS
-        if (MISS_ASKS && !OVER_ASKS && !REWARD_ASKS) s = seen(w, env, work, true);
-        task_miss(s, &out);
+        if (ERROR_ASKS && !TERMINATED_ASKS && !REWARD_ASKS) s = seen(w, env, work, true);
+        task_error(s, &out);
         if (2 * w.frames[env] > LENGTH) w.goals[(long long)env * GOALS + LEVEL_AT + 1] += out;
 #endif
         observe(w, env, work, now);

@@ -1,27 +1,29 @@
-// The task's part of the adjoint through steps of a policy and a solver. Gradients with respect to a state are in its tangent space.
+// The task's part of the adjoint through steps of policy and solver. Gradients with respect to a state are in its
+// tangent space.
 
-// Recorded steps, and gradients of the adjoint; by step [step][env], by frame [frame][env].
+// Records of a rollout, and gradients: by step [step][env], by frame [frame][env].
 struct Steps {
     // State and goal before each frame, torques in it; state after each step, NaN where the solver failed.
     const double *states, *goals, *torques, *reached;
-    // Observation before each step; input rows for the value network; a network's input is (row - mean) inverse, within +-5.
+    // Observation before each step; rows for the value network. A network's input is (row - mean) inverse, clipped to
+    // +-5.
     const double *seen, *rows, *mean, *inverse;
-    // Weight of a step's reward, how the step ended, and the index of its value row, or -1.
+    // Weight of each step's reward, end of the step, and index of its value row, or -1.
     const double* shares;
     const unsigned char* ends;
     const int* asked;
     // Sampled actions, and their means.
     const float *drawn, *means;
-    // Gradients with respect to inputs of networks: before the next step, by environment; of the value rows.
+    // Gradients with respect to network inputs: before the next step, [env]; of the value rows.
     const float *by_seen, *by_rows;
-    // By environment: gradients with respect to a state, to torques by the reward and by the next frame, and to an action.
-    double *slope, *by_torques, *pushed, *by_action;
-    // Whether an environment has a frame without gradients: then all of its steps are left out.
+    // Per environment: gradients with respect to the state, to torques (by the reward, by the next frame), and to the
+    // action.
+    double *gradient, *by_torques, *pushed, *by_action;
+    // Set if an environment has a frame without a finite gradient; all its steps are then left out.
     unsigned* without;
-    // Gradients with respect to the policy's outputs, `outputs` numbers with the means first, and to the logarithms of its standard
-    // deviation.
+    // Gradients with respect to the policy's `outputs` outputs, the means first, and to the log standard deviations.
     float *by_said, *by_spread;
-    // Total weight.
+    // Factor on all rewards.
     double scale;
     int outputs, horizon;
 };
@@ -34,10 +36,10 @@ FN Seen was(const World& w, const Steps& b, long long frame, int env, Work& work
 }
 
 // Adds the gradient that reaches the state through a network's input.
-FN void seen_back(const Steps& b, const Seen& s, const double* row, const float* by, double* slope) {
+FN void seen_back(const Steps& b, const Seen& s, const double* row, const float* by, double* gradient) {
     double all[SEEN];
     for (int k = 0; k < SEEN; k++) all[k] = fabs((row[k] - b.mean[k]) * b.inverse[k]) < 5 ? by[k] * b.inverse[k] : 0;
-    task_observe_back(s, all, slope);
+    task_observe_back(s, all, gradient);
 }
 
 FN bool sound(const double* x, int n) {
@@ -46,43 +48,44 @@ FN bool sound(const double* x, int n) {
 }
 FN void zeros(double* x, int n) { for (int k = 0; k < n; k++) x[k] = 0; }
 
-// From the state before the next step, whose policy is done, to the state after step t.
+// Adjoint from the state before the next step to the state after step t; needs the policy's adjoint of the next step.
 FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     const long long i = (long long)t * w.n + env, frame = (long long)(t + 1) * STEP_FRAMES;
-    double *slope = b.slope + (long long)env * 2 * NV, *by_torques = b.by_torques + (long long)env * NJ;
+    double *gradient = b.gradient + (long long)env * 2 * NV, *by_torques = b.by_torques + (long long)env * NJ;
     Work work;
     // No gradient crosses the start of another episode.
     if (t + 1 == b.horizon || b.ends[i]) {
-        zeros(slope, 2 * NV);
+        zeros(gradient, 2 * NV);
     } else {
         const Seen s = was(w, b, frame, env, work, b.states + (frame * w.n + env) * STATE, OBSERVE_ASKS);
-        seen_back(b, s, b.seen + (i + w.n) * SEEN, b.by_seen + (long long)env * SEEN, slope);
-        if (!sound(slope, 2 * NV)) b.without[env] = 1;
+        seen_back(b, s, b.seen + (i + w.n) * SEEN, b.by_seen + (long long)env * SEEN, gradient);
+        if (!sound(gradient, 2 * NV)) b.without[env] = 1;
     }
     zeros(by_torques, NJ);
     const double *state = b.reached + i * STATE, by = -b.scale * b.shares[i];
     if (!(state[0] == state[0])) return;
     Seen s = was(w, b, frame - 1, env, work, state, REWARD_ASKS || (OBSERVE_ASKS && b.asked[i] >= 0));
-    // The goal as it is after the step.
+    // The goal after the step.
     double goal[GOALS + 1];
     for (int k = 0; k < GOALS; k++) goal[k] = s.goal[k];
     remember(goal, b.drawn + i * ACTIONS);
     s.goal = goal;
-    task_reward_back(s, b.torques + ((frame - 1) * w.n + env) * NJ, &by, slope, by_torques);
-    if (b.asked[i] >= 0) seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, slope);
+    task_reward_back(s, b.torques + ((frame - 1) * w.n + env) * NJ, &by, gradient, by_torques);
+    if (b.asked[i] >= 0) seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, gradient);
 }
 
-// From the torques of a frame, whose solver is done, to the action of its step; at the step's first frame also to the policy's outputs.
+// Adjoint from the torques of a frame to the action of its step; needs the solver's adjoint of the frame. At the first
+// frame of a step also to the policy's outputs.
 FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     const bool last = (frame + 1) % STEP_FRAMES == 0, first = frame % STEP_FRAMES == 0;
     const long long i = frame / STEP_FRAMES * w.n + env;
-    double *slope = b.slope + (long long)env * 2 * NV, *kept = b.by_action + (long long)env * ACTIONS;
+    double *gradient = b.gradient + (long long)env * 2 * NV, *kept = b.by_action + (long long)env * ACTIONS;
     double *pushed = b.pushed + (long long)env * NJ, *by_torques = b.by_torques + (long long)env * NJ;
     const double reached = b.reached[i * STATE];
     const bool lost = !(reached == reached);
-    if (!lost && (!sound(slope, 2 * NV) || !sound(pushed, NJ))) b.without[env] = 1;
+    if (!lost && (!sound(gradient, 2 * NV) || !sound(pushed, NJ))) b.without[env] = 1;
     if (lost || b.without[env]) {
-        zeros(slope, 2 * NV);
+        zeros(gradient, 2 * NV);
         zeros(pushed, NJ);
         zeros(by_torques, NJ);
     }
@@ -93,13 +96,13 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
         by_action[k] = last ? 0 : kept[k];
     }
     Work work;
-    task_act_back(was(w, b, frame, env, work, b.states + (frame * w.n + env) * STATE, ACT_ASKS), action, by, slope, by_action);
+    task_act_back(was(w, b, frame, env, work, b.states + (frame * w.n + env) * STATE, ACT_ASKS), action, by, gradient, by_action);
     for (int k = 0; k < ACTIONS; k++) kept[k] = by_action[k];
     if (!sound(by_action, ACTIONS)) b.without[env] = 1;
     if (!first) return;
     for (int k = 0; k < ACTIONS; k++) {
         const double drawn = b.drawn[i * ACTIONS + k];
-        // At a bound, the gradient that points outside is cut.
+        // At a bound of the action, a gradient that points outside is cut.
         const double g = fabs(drawn) > 1 && by_action[k] * drawn < 0 ? 0 : by_action[k];
         b.by_said[i * b.outputs + k] = (float)g;
         b.by_spread[i * ACTIONS + k] = (float)(g * (drawn - b.means[i * ACTIONS + k]));
@@ -107,7 +110,7 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     for (int k = ACTIONS; k < b.outputs; k++) b.by_said[i * b.outputs + k] = 0;
 }
 
-// Excludes the steps of an environment without gradients; begins its next episode.
+// Drops the steps of an environment without finite gradients, and starts its next episode.
 FN void leave(const World& w, const Steps& b, int t, int env) {
     if (!b.without[env]) return;
     const long long i = (long long)t * w.n + env;

@@ -1,13 +1,13 @@
-//! Recorded formulas as text: every node is a line of C.
+//! Recorded formulas as C text, one line per node.
 
 use std::fmt::Write;
 
-use nerd_sim::system::System;
+use nerd_sim::articulated::device::{Reach, episode};
 
+use super::program::Program;
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
-use super::{Formulas, formulas::bounded, number::Function, sight::Recorded};
-use crate::Task;
+use super::{Compiled, number::Function};
 
 impl std::fmt::Display for Given {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -21,7 +21,7 @@ impl std::fmt::Display for Given {
 }
 
 impl Function {
-    /// Text before, between and after the operands; with one operand nothing is between.
+    /// Text before, between and after the operands; empty between for one operand.
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::Add => ["", " + ", ""],
@@ -42,7 +42,7 @@ impl Function {
     }
 }
 
-/// Coordinates of a point of a link, as arguments.
+/// Link, point and axis as arguments.
 fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
     format!("{link}, {x:e}, {y:e}, {z:e}, {axis}")
 }
@@ -52,7 +52,7 @@ impl Tape {
     fn lines(&self) -> (String, bool) {
         let (mut text, mut asks) = (String::new(), false);
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-        for (k, (node, _)) in self.nodes.borrow().iter().enumerate() {
+        for (k, node) in self.nodes.borrow().iter().enumerate() {
             let said = match node {
                 Node::Made(f, [a, b]) => match f.words() {
                     [before, "", after] => format!("{before}{a}{after}"),
@@ -67,6 +67,8 @@ impl Tape {
                     Leaf::Place { link, local, axis } => format!("place(s, {})", place(link, local, axis)),
                     Leaf::Distance(point) => format!("gap(s, {point})"),
                     Leaf::Ground([x, y]) => format!("ground(s, {x:e}, {y:e})"),
+                    // A task with plain code has no kernels.
+                    Leaf::Plain(_) => Given::Known(f64::NAN).to_string(),
                     Leaf::Controlled { call, i } => {
                         if i == 0 {
                             let list = list(call);
@@ -97,7 +99,7 @@ impl Tape {
     }
 }
 
-/// Destinations of gradients: lines of C.
+/// Gradient accumulators as lines of C.
 struct Written<'a> {
     tape: &'a Tape,
     lines: String,
@@ -123,78 +125,80 @@ impl<'a> Ends<Traced<'a>> for Written<'a> {
 
     fn controlled(&mut self, call: usize, by: &[Traced<'a>]) -> Vec<Traced<'a>> {
         let list = self.tape.list(by);
-        (0..by.len()).map(|i| self.tape.leaf(Leaf::Pushed { call, by: list, i }, f64::NAN)).collect()
+        (0..by.len()).map(|i| self.tape.leaf(Leaf::Pushed { call, by: list, i })).collect()
     }
 }
 
-/// Appends the adjoint of the results to a tape; returns its last lines.
-fn back(tape: &Tape, said: &[Traced]) -> String {
-    let nodes: Vec<Node> = tape.nodes.borrow().iter().map(|(node, _)| *node).collect();
-    let lists = tape.lists.borrow().clone();
-    let seeds: Vec<_> = said.iter().enumerate().map(|(k, x)| (x.given(), tape.leaf(Leaf::By(k), f64::NAN))).collect();
+/// Appends the adjoint of the results to a tape that holds the program; returns the lines that accumulate gradients.
+fn back(tape: &Tape, program: &Program, said: &[Given]) -> String {
+    let seeds: Vec<_> = said.iter().enumerate().map(|(k, x)| (*x, tape.leaf(Leaf::By(k)))).collect();
     let mut ends = Written { tape, lines: String::new() };
-    sweep(&nodes, &lists, &seeds, &mut ends);
+    sweep(&program.nodes, &program.lists, &seeds, &mut ends);
     ends.lines
 }
 
-/// A task's formulas as C functions: `task_observe`, `task_act`, `task_reward`, `task_over` and, with levels, `task_miss`, each preceded by
-/// a constant that says whether it uses kinematics or distances. With `slopes` also `task_observe_back`, `task_act_back` and
-/// `task_reward_back`: vector-Jacobian products with upstream gradients `by`, which add to gradients with respect to the state, in its
-/// tangent space, to action and to torques.
-///
-/// # Errors
-/// If a formula refers to a number, a link or a point that does not exist.
-pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<String, String> {
-    let (about, goals, joints) = (Formulas::about(task), Task::goal_dim(task), system.robot.joint_count());
-    let mut functions = String::new();
-    let mut function = |name: &str, (given, to, backward): (&str, &str, Option<&str>), say: &dyn Fn(&mut Recorded) -> Vec<Given>| {
-        let tape = Tape::default();
-        let said = say(&mut Recorded::unknown(&tape, system, goals));
-        if let Some(why) = tape.wrong.take() {
-            return Err(format!("task `{}`, `{name}`: {why}", about.name));
-        }
+/// One formula as a C function: its name; its parameters beside the environment; its result; parameters of its
+/// gradient, if it may have one.
+struct Signature<'a>(&'a str, &'a str, &'a str, Option<&'a str>);
+
+/// A task's formulas as C functions: `task_observe`, `task_act`, `task_reward`, `task_terminated` and, with levels,
+/// `task_error`. A constant before each says whether it uses kinematics or distances. With `gradients` also
+/// `task_observe_back`, `task_act_back` and `task_reward_back`: vector-Jacobian products for upstream gradients `by`,
+/// added to the gradients with respect to the state (tangent space), to action and to torques.
+fn functions(task: &Compiled, gradients: bool) -> String {
+    let mut text = String::new();
+    let mut function = |Signature(name, given, to, backward): Signature, program: &Program, said: &[Given]| {
+        let tape = Tape { nodes: program.nodes.clone().into(), lists: program.lists.clone().into(), ..Tape::default() };
         let (lines, asks) = tape.lines();
-        let _ = writeln!(functions, "#define {}_ASKS {}", name.to_uppercase(), u8::from(asks));
-        let _ = writeln!(functions, "BIG void task_{name}(const Seen& s{given}, double* {to}) {{\n{lines}");
-        said.iter().enumerate().for_each(|(k, x)| _ = writeln!(functions, "    {to}[{k}] = {x};"));
-        functions.push_str("}\n");
-        if let Some(backward) = backward.filter(|_| slopes) {
-            let traced = said.iter().map(|x| match *x {
-                Given::Known(x) => Traced::Number(x),
-                Given::Node(k) => Traced::Node(&tape, k),
-            });
-            let ends = back(&tape, &traced.collect::<Vec<_>>());
+        let _ = writeln!(text, "#define {}_ASKS {}", name.to_uppercase(), u8::from(asks));
+        let _ = writeln!(text, "BIG void task_{name}(const Seen& s{given}, double* {to}) {{\n{lines}");
+        said.iter().enumerate().for_each(|(k, x)| _ = writeln!(text, "    {to}[{k}] = {x};"));
+        text.push_str("}\n");
+        if let Some(backward) = backward.filter(|_| gradients) {
+            let ends = back(&tape, program, said);
             let (begin, end) =
-                if asks { ("    Wrench load[NL];\n    unload(load);\n", "    onto(s.work->tree, load, slope);\n") } else { ("", "") };
+                if asks { ("    Wrench load[NL];\n    unload(load);\n", "    onto(s.work->tree, load, gradient);\n") } else { ("", "") };
             let (lines, _) = tape.lines();
-            let _ = writeln!(functions, "BIG void task_{name}_back(const Seen& s{given}, const double* by, double* slope{backward}) {{");
+            let _ = writeln!(text, "BIG void task_{name}_back(const Seen& s{given}, const double* by, double* gradient{backward}) {{");
             let _ = writeln!(
-                functions,
-                "    double by_state[NQ + NV] = {{}};\n{begin}{lines}{ends}{end}    numbers_back(s.state, by_state, slope);\n}}"
+                text,
+                "    double by_state[NQ + NV] = {{}};\n{begin}{lines}{ends}{end}    numbers_back(s.state, by_state, gradient);\n}}"
             );
         }
-        Ok(())
     };
-    let given = |numbers: &[Traced]| numbers.iter().map(|x| x.given()).collect::<Vec<_>>();
-    function("observe", ("", "out", Some("")), &|sight| {
-        let mut out = vec![Traced::Number(0.0); about.observation];
-        task.observe(sight, &mut out);
-        given(&out)
-    })?;
-    function("act", (", const double* action", "torques", Some(", double* by_action")), &|sight| {
-        let mut torques = vec![Traced::Number(0.0); joints];
-        let action: Vec<_> = (0..about.action).map(|k| sight.tape.leaf(Leaf::Action(k), f64::NAN)).collect();
-        task.act(sight, &action, &mut torques);
-        given(&torques)
-    })?;
-    function("reward", (", const double* torques", "out", Some(", double* by_torques")), &|sight| {
-        let torques = bounded(task, system, (0..joints).map(|k| sight.tape.leaf(Leaf::Torque(k), f64::NAN)));
-        given(&[task.reward(sight, &torques)])
-    })?;
-    function("over", ("", "out", None), &|sight| given(&[task.over(sight)]))?;
+    function(Signature("observe", "", "out", Some("")), &task.observe, &task.observe.out);
+    function(Signature("act", ", const double* action", "torques", Some(", double* by_action")), &task.act, &task.act.out);
+    let reward = Signature("reward", ", const double* torques", "out", Some(", double* by_torques"));
+    function(reward, &task.reward, &task.reward.out[..1]);
+    function(Signature("terminated", "", "out", None), &task.terminated, &task.terminated.out);
     // Levels depend on the error.
-    if Task::levels(task).is_some() {
-        function("miss", ("", "out", None), &|sight| given(&[task.miss(sight).unwrap_or(Traced::Number(f64::INFINITY))]))?;
+    if task.levels().is_some() {
+        let error = task.error.out.first().copied().unwrap_or(Given::Known(f64::INFINITY));
+        function(Signature("error", "", "out", None), &task.error, &[error]);
     }
-    Ok(functions)
+    text
+}
+
+/// The episode around a solver as GPU code, for scenes and robots within `reach`: kernels `task_act` and `task_judge`.
+/// With `gradients` also the adjoint kernels `task_arrive_back`, `task_acted_back`, `task_leave` and `task_begin_again`.
+/// The text also compiles as plain C++, so tests need no GPU.
+pub(super) fn episodes(task: &Compiled, reach: Reach, gradients: bool) -> Result<String, String> {
+    let (about, mut text) = (task.about(), episode(task.recorded_for(), reach)?);
+    let (level, levels) = task.levels().unwrap_or_default();
+    let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory()), ("LEVEL_AT", level), ("LEVELS", levels)];
+    let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];
+    for (name, n) in sizes.into_iter().chain(goals) {
+        let _ = writeln!(text, "#define {name} {n}");
+    }
+    let _ = writeln!(text, "#define LENGTH {}ull", about.steps * about.frames);
+    // C++ has no empty arrays.
+    let ends: Vec<String> = task.goal().iter().flatten().chain(&[0.0]).map(|x| format!("{x:e}")).collect();
+    let _ = writeln!(text, "TABLE double COMMAND[] = {{{}}};", ends.join(", "));
+    text.push_str(include_str!("sight.cuh"));
+    text.push_str(&functions(task, gradients));
+    text.push_str(include_str!("task.cuh"));
+    if gradients {
+        text.push_str(include_str!("task_back.cuh"));
+    }
+    Ok(text)
 }

@@ -1,7 +1,7 @@
-//! Every task loads, resets and steps on every analytic solver; episodes begin, end and go on as they should.
+//! Every task loads, resets and steps on every analytic solver; episodes start, end and continue correctly.
 
 use nerd_sim::{prelude::*, system::Source};
-use nerd_tasks::{View, Work, fast_start, named, names};
+use nerd_tasks::{Compiled, View, Work, fast_start, named, names};
 
 use crate::{GAIT, actions, episodes, solver};
 
@@ -19,7 +19,7 @@ fn every_task_resets_and_steps_on_every_solver() {
     }
 }
 
-/// Terms make the reward up, and a clock tells the time of the episode.
+/// The reward is the sum of its terms, and the clock tells the time of the episode.
 #[test]
 fn a_file_has_terms_and_a_clock() {
     let mut episodes = episodes(GAIT, "articulated", 3);
@@ -41,21 +41,23 @@ fn an_episode_is_asked_for_what_its_user_names() {
     let mut episodes = episodes("walk@anymal", "articulated", 2);
     let width = episodes.task.observation_dim();
     let before = episodes.observations().to_vec();
-    episodes.ask(1, "turn=0.25, ahead=-0.5").expect("commands of walk");
+    episodes.ask(1, "yaw_rate=0.25, vx=-0.5").expect("commands of walk");
     let seen = episodes.observations();
     assert!(seen[..width] == before[..width], "the other episode");
     let asked = [-0.5, before[width + 10], 0.25];
     assert_eq!(seen[width + 9..width + 12], asked);
     let cases = [
-        ("ahed=1", "has no command `ahed`: choose from ahead, aside, turn"),
-        ("ahead=3", "ahead is 3; a number from -1 to 1 is needed"),
-        ("ahead=fast", "`ahead` is `fast`; a number is needed"),
-        ("ahead", "`ahead` is no NAME=NUMBER"),
+        ("vz=1", "has no command `vz`: choose from vx, vy, yaw_rate"),
+        ("vx=3", "vx is 3; a number from -1 to 1 is needed"),
+        ("vx=fast", "`vx` is `fast`; a number is needed"),
+        ("vx", "`vx` is no NAME=NUMBER"),
     ];
     for (text, expected) in cases {
         let said = episodes.ask(1, text).expect_err("refused");
         assert!(said.contains(expected), "{text}: {said}");
     }
+    assert_eq!(episodes.observations()[width + 9..width + 12], asked);
+    episodes.ask(1, "ahead=-0.5").expect("the old name of vx");
     assert_eq!(episodes.observations()[width + 9..width + 12], asked);
 }
 
@@ -99,7 +101,7 @@ fn a_snapshot_goes_on_as_if_nothing_had_happened() {
     }
 }
 
-/// Ends the world of one environment at its 20th frame.
+/// Makes the state of environment 1 NaN at its 20th frame.
 struct Breaks(Box<dyn Solver>);
 
 impl Solver for Breaks {
@@ -141,17 +143,18 @@ fn fast_starts_are_faster_than_resets_and_end_no_episode() {
         let system = task.system().expect("built in");
         let (scene, goal) = (system.scene(task.scene()).expect("known"), vec![0.0; task.goal_dim()]);
         let (nq, mut work) = (system.robot.nq(), Work::new(&system));
+        let task = Compiled::new(task, &system);
         let speed = |state: &[f64]| state[nq..].iter().map(|v| v * v).sum::<f64>().sqrt();
         let (mut slow, mut fast) = (0.0_f64, 0.0_f64);
         for k in 0..200 {
             let rng = || stream(3, k);
-            let (usual, hurried) = (task.reset(&system, &mut rng()), fast_start(&*task, &system, &mut rng()));
+            let (usual, hurried) = (task.reset(&system, &mut rng()), fast_start(&task, &mut rng()));
             assert_eq!(usual[..nq], hurried[..nq], "{name}: a hurried start stands elsewhere");
             (slow, fast) = (slow.max(speed(&usual)), fast.max(speed(&hurried)));
             let mut over_at = |state: &[f64]| task.terminated(View { state, goal: &goal, scene: &scene }, &mut work);
             assert!(!over_at(&hurried) || over_at(&usual), "{name}: hurried start {k} is over at once");
         }
-        // A cable is at rest wherever data and resets begin.
+        // A cable is at rest in all data and resets.
         let still = system.source == Source::Cable;
         assert!(if still { fast == 0.0 } else { fast > 2.0 * slow && fast.is_finite() }, "{name}: {slow:.2} by reset, {fast:.2} hurried");
     }

@@ -1,25 +1,26 @@
-//! The kernels of tasks against the tasks on the CPU, without a GPU: their text is compiled as C++ and run on the CPU.
+//! GPU kernels of tasks against the tasks on the CPU. No GPU is needed: the kernels are compiled as C++ and run on the
+//! CPU.
 
 use nerd_sim::articulated::{along, device::Reach};
 use nerd_sim::rig::LATEST;
 use nerd_sim::vary::{self, VarySpec};
 use nerd_sim::{prelude::*, solver::Fault};
-use nerd_tasks::formula::{Formulas, Number, Sight, written};
-use nerd_tasks::{About, Episodes, StepResult, Work, named};
+use nerd_tasks::formula::{Sight, Traced};
+use nerd_tasks::{About, Compiled, Episodes, StepResult, Task, Work, named};
 
 use crate::cpp::{Compiler, bytes, doubles};
 use crate::{every, recorded, some};
 
 const N: usize = 64;
 const SEED: u64 = 9;
-/// Number of the first environment; then environments in which the solver fails, in which a coordinate is too large, and whose time is
-/// over.
+/// Index of the first environment. Then environments where the solver fails, where a coordinate is too large, and at
+/// the end of their time.
 const FIRST: usize = 5;
 const FAILS: usize = 3;
 const FAR: usize = 4;
 const LATE: [usize; 2] = [7, 8];
 
-/// Moves nothing, and fails in one environment.
+/// A solver without motion that fails in one environment.
 struct Still;
 
 impl Solver for Still {
@@ -30,7 +31,7 @@ impl Solver for Still {
     }
 }
 
-/// Episodes under way, some of them at their ends, and the actions of a step.
+/// Episodes in progress, some at their ends, and the actions of a step.
 fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     let task = named(task).expect("a task");
     let batch = vary::batch(system, task.scene(), N, SEED).expect("robots");
@@ -38,7 +39,7 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     let mut episodes = Episodes::part(task, Simulation { batch, solver: Box::new(Still) }, SEED, FIRST);
     episodes.climb();
     if let Some((at, levels)) = episodes.task.levels() {
-        // On all levels, some with small and some with large errors so far.
+        // All levels, some with small and some with large errors so far.
         let mut kept = episodes.snapshot();
         for (env, goal) in kept.goals.chunks_exact_mut(episodes.task.goal_dim()).enumerate() {
             (goal[at], goal[at + 1]) = ((1 + env % levels) as f64 / levels as f64, if env % 2 == 0 { 1.0 } else { 1e6 });
@@ -49,7 +50,7 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     let batch = &mut episodes.simulation.batch;
     for (k, x) in batch.states.iter_mut().enumerate() {
         let (env, at) = (k / d, k % d);
-        // Heights as well, so that some have fallen; and speeds.
+        // Vary heights, so that some robots have fallen, and velocities.
         *x += if at < nq { 0.2 * (env as f64 * 0.37 + at as f64).sin() } else { (env as f64 * 0.73 + at as f64).cos() };
     }
     batch.states[FAR * d] = 1e6;
@@ -67,8 +68,8 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     (episodes, actions)
 }
 
-/// Results of a step of kernels: rewards, rows of two observations, rows of truncated episodes, states and goals; how each episode ended,
-/// its frames, the numbers of begun and of failed episodes.
+/// Results of a step of the kernels: rewards, rows of two observations, rows of truncated episodes, states and goals;
+/// end of each episode, frames, and numbers of begun and failed episodes.
 struct Made {
     rewards: Vec<f64>,
     rows: Vec<f64>,
@@ -82,8 +83,8 @@ struct Made {
     reached: Vec<f64>,
 }
 
-/// A step without motion, with faults in every frame. Arguments: the world's memory, faults, actions, rows; results; the key of the random
-/// draws.
+/// A step without motion, with faults in every frame. Arguments: the world's memory, faults, actions, rows; results;
+/// the key of the random draws.
 const LAUNCHES: &str = "
     const unsigned long long* key = b[20];
     const World w = {b[0], b[1], b[2], b[3], b[4], b[5], nullptr, b[6], b[7], b[8], {key[0], key[1], key[2], key[3]}, key[4], b[9], N, LEVELS > 0,
@@ -96,13 +97,13 @@ const LAUNCHES: &str = "
     for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++) task_judge(&w, b[13], b[14], b[15], b[16], 2, b[17], b[18], b[19]);
 ";
 
-/// The task's kernels on the present state of `episodes`.
+/// Runs the task's kernels on the present state of `episodes`.
 fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
     let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
     let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
     let (numbers, zeros) = (|values: &[f64]| bytes(values, f64::to_le_bytes), |size: usize, width: usize| vec![0; size * N * width]);
     let (whole, counts) = (|values: Vec<i32>| bytes(&values, i32::to_le_bytes), |values: &[u64]| bytes(values, u64::to_le_bytes));
-    // By environment, the newest first.
+    // Per environment, the newest first.
     let past = kept.past_states.chunks_exact(batch.states.len()).rev().collect::<Vec<_>>();
     let before = (0..N).flat_map(|env| past.iter().flat_map(move |all| all[env * d..][..d].to_vec())).collect::<Vec<f64>>();
     let world = [numbers(&batch.states), numbers(&kept.goals), zeros(8, joints), numbers(&recorded(batch)), whole((0..N as i32).collect())];
@@ -115,7 +116,7 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
     let made = compiler.launch(text, &format!("const int N = {N};{LAUNCHES}"), &buffers);
     let [states, goals, rows, cut, rewards, reached] = [0, 1, 14, 15, 17, 19].map(|k| doubles(&made[k]));
     let [frames, begun] = [7, 8].map(|k| made[k].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect());
-    // The second count is for an episode that cannot be begun.
+    // The second count is for a start state that cannot be stepped.
     let failed = u32::from_le_bytes(made[9][..4].try_into().expect("four bytes"));
     Made { rewards, rows, cut, states, goals, ends: made[18].clone(), frames, begun, failed, reached }
 }
@@ -125,11 +126,11 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
-/// A step of a task's episodes with these robots, in kernels and on the CPU; false if it has none.
+/// Compares a step of a task's episodes in kernels and on the CPU; false if the task has no kernels.
 fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     let (mut episodes, actions) = under_way(name, system);
-    let task = named(name).expect("a task");
-    let text = match task.kernels(system, Reach::of(&episodes.simulation.batch), true) {
+    let task = Compiled::new(named(name).expect("a task"), system);
+    let text = match task.kernels(Reach::of(&episodes.simulation.batch), true) {
         Ok(text) => text,
         Err(why) => {
             assert_eq!(name, "lead-tip", "{why}");
@@ -189,14 +190,14 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
 }
 
 #[test]
-fn every_task_of_formulas_is_the_same_in_kernels() {
+fn every_task_without_plain_code_is_the_same_in_kernels() {
     let Some(compiler) = Compiler::find() else { return };
     let robot = |name: &str| named(name).expect("a task").system().expect("a robot");
     let count = every().into_iter().chain(["rough@anymal"]).filter(|name| is_the_same(&compiler, name, &robot(name))).count();
     assert_eq!(count, 13, "tasks with kernels");
 }
 
-/// So it is with robots of a family, whose gains differ, whose sensors are late and have noise, and which are pushed.
+/// Also for a family of robots with different gains, delayed and noisy sensors, and pushes.
 #[test]
 fn robots_of_a_family_are_the_same_in_kernels() {
     let Some(compiler) = Compiler::find() else { return };
@@ -206,7 +207,7 @@ fn robots_of_a_family_are_the_same_in_kernels() {
         let (root, blur) = (system.robot.floating(), range(0.0, 0.1));
         let mut spec = VarySpec { mass: range(0.5, 1.5), gain: range(0.5, 1.5), noise: blur, lag: range(0.0, 2.0), ..VarySpec::default() };
         if root {
-            spec = VarySpec { root_noise: blur, turn_noise: blur, push: range(0.1, 0.5), ..spec };
+            spec = VarySpec { root_noise: blur, orientation_noise: blur, push: range(0.1, 0.5), ..spec };
             spec.push_every = Some(3.0 * system.frame_time);
         }
         system.spec.vary = Some(spec);
@@ -214,33 +215,33 @@ fn robots_of_a_family_are_the_same_in_kernels() {
     }
 }
 
-/// So it is with a chain with springs, which steps along its tree, under a controller that looks ahead by the matrix.
+/// Also for a chain with springs, stepped along its tree, under a controller that predicts with the mass matrix.
 #[test]
 fn a_chain_whose_controller_looks_ahead_is_the_same_in_kernels() {
     let Some(compiler) = Compiler::find() else { return };
     let mut system = (*named("franka-reach").expect("a task").system().expect("a robot")).clone();
     system.robot.links.iter_mut().filter_map(|link| link.joint.as_mut()).for_each(|joint| joint.stiffness = 1.0);
-    system.spec.control.as_mut().expect("a controller").ahead = true;
+    system.spec.control.as_mut().expect("a controller").stable_pd = true;
     assert!(along(&system.robot) && system.held());
     assert!(is_the_same(&compiler, "franka-reach", &Arc::new(system)));
 }
 
 struct Astray;
 
-impl Formulas for Astray {
+impl Task for Astray {
     fn about(&self) -> About {
         About { name: "astray", robot: "cartpole", scene: "free", observation: 1, action: 2, steps: 10, frames: 1 }
     }
 
-    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
-        out[0] = sight.q(0) / N::from(f64::INFINITY);
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
+        out[0] = sight.q(0) / f64::INFINITY;
     }
 
-    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+    fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
         sight.controlled(action, torques);
     }
 
-    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _: &[N]) -> N {
+    fn reward<'a>(&self, sight: &Sight<'a>, _: &[Traced<'a>]) -> Traced<'a> {
         sight.q(9)
     }
 }
@@ -248,6 +249,7 @@ impl Formulas for Astray {
 #[test]
 fn a_formula_that_reaches_too_far_is_refused() {
     let system = System::named("cartpole").expect("a robot");
-    let said = written(&Astray, &system, true).expect_err("there are two coordinates");
+    let said =
+        Compiled::new(Box::new(Astray) as Box<dyn Task>, &system).kernels(Reach::default(), true).expect_err("there are two coordinates");
     assert_eq!(said, "task `astray`, `reward`: number 9 of 2 coordinates is asked for");
 }

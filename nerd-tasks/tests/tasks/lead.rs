@@ -1,7 +1,7 @@
-//! The lead whose tip follows a target: its start is at rest, the target goes on as it should, actions are speeds.
+//! The lead that follows a target: its start is at rest, the target moves as specified, actions are velocities.
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, LeadTip, Task};
+use nerd_tasks::{Episodes, LeadTip, Plain, Task};
 
 use crate::{episodes, rewards::Bench};
 
@@ -80,9 +80,9 @@ fn success_is_a_tip_near_its_target() {
     (0..3).for_each(|k| goal[k] += seen[k]);
     let on = bench.reward(&state, &goal, &[]);
     goal[1] += 0.04;
-    let (miss, beside) = (bench.miss(&state, &goal).expect("it speaks of success"), bench.reward(&state, &goal, &[]));
+    let (error, beside) = (bench.error(&state, &goal).expect("it speaks of success"), bench.reward(&state, &goal, &[]));
     assert!((on - 1.0).abs() < 1e-9, "on the target: {on}");
-    assert!((miss - 2.0).abs() < 1e-9, "4 cm are twice what may be missed: {miss}");
+    assert!((error - 2.0).abs() < 1e-9, "4 cm are twice what is tolerated: {error}");
     let by_hand = 0.7 * (-1.0f64).exp() + 0.3 * (-0.2f64).exp();
     assert!((beside - by_hand).abs() < 1e-9, "4 cm beside it: {beside}, by hand {by_hand}");
 }

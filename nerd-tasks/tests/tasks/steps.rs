@@ -1,18 +1,18 @@
-//! The adjoint kernels through a policy's steps against the task's gradients, without a GPU: their text is compiled as C++ and run on the
-//! CPU.
+//! The adjoint kernels through a policy's steps against the task's gradients on the CPU. No GPU is needed: the kernels
+//! are compiled as C++ and run on the CPU.
 
 use nerd_sim::{articulated::device::Reach, prelude::*};
-use nerd_tasks::{Trace, View, Work, named};
+use nerd_tasks::{Compiled, Trace, View, Work, named};
 
 use crate::cpp::{Compiler, bytes, doubles, floats};
 use crate::{actions, apart, episodes, every, recorded, some};
 
 const N: usize = 8;
 const HORIZON: usize = 3;
-/// Value rows: after the last step, and where time ran out.
+/// Value rows: after the last step, and of truncated episodes.
 const ROWS: usize = 2 * N;
 const SCALE: f64 = 0.25;
-/// An environment without gradients, and one whose solver fails in the last step.
+/// An environment without finite gradients, and one with a solver failure in the last step.
 const BREAKS: usize = 3;
 const LOST: usize = 4;
 
@@ -20,7 +20,7 @@ fn singles(n: usize, seed: usize, size: f64) -> Vec<f32> {
     some(n, seed, size).into_iter().map(|x| x as f32).collect()
 }
 
-/// What is given beside the trace; the steps of some environments end episodes.
+/// Inputs of the adjoint besides the trace. The steps of some environments end episodes.
 struct Given {
     seen: Vec<f64>,
     rows: Vec<f64>,
@@ -60,12 +60,12 @@ fn given(width: usize, a: usize, joints: usize, frames: usize) -> Given {
     }
 }
 
-/// Gradients with respect to the first states, to means and to logarithms of the standard deviation.
+/// Gradients with respect to the first states, to action means and to log standard deviations.
 type Found = (Vec<f64>, Vec<f64>, Vec<f64>);
 
-/// The same on the CPU.
-fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &Trace, x: &Given) -> Found {
-    let (robot, slopes) = (work.system.robot.clone(), task.slopes().expect("formulas"));
+/// The adjoint on the CPU.
+fn on_cpu(task: &Compiled, scene: &Scene, work: &mut Work, trace: &Trace, x: &Given) -> Found {
+    let robot = work.system.robot.clone();
     let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
     let (a, width, goals, frames) = (task.action_dim(), task.observation_dim(), task.goal_dim(), task.frames() as usize);
     let (mut by_first, mut by_mean, mut by_spread) = (Vec::new(), vec![0.0; HORIZON * N * a], vec![0.0; HORIZON * N * a]);
@@ -77,14 +77,14 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
             let inside = |k: usize| ((row[k] - x.mean[k]) * x.inverse[k]).abs() < 5.0;
             (0..width).map(|k| if inside(k) { f64::from(by[k]) * x.inverse[k] } else { 0.0 }).collect()
         };
-        let mut slope = vec![0.0; wide];
+        let mut gradient = vec![0.0; wide];
         for t in (0..HORIZON).rev() {
             let (i, last) = (at(t), (t + 1) * frames - 1);
             let drawn: Vec<f64> = x.drawn[i * a..][..a].iter().map(|a| f64::from(*a)).collect();
             if t + 1 == HORIZON || x.ends[i] > 0 {
-                slope.fill(0.0);
+                gradient.fill(0.0);
             } else {
-                slopes.observe_back(seen(last + 1), work, &by(&x.seen[(i + N) * width..], &x.by_seen[i * width..]), &mut slope);
+                task.observe_back(seen(last + 1), work, &by(&x.seen[(i + N) * width..], &x.by_seen[i * width..]), &mut gradient);
             }
             let (mut tau, mut by_action, reached) = (vec![0.0; joints], vec![0.0; a], &trace.reached[i * d..][..d]);
             if !reached[0].is_nan() {
@@ -92,19 +92,19 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
                 let mut goal = view(reached, last).goal.to_vec();
                 task.remember(&mut goal, &drawn);
                 let now = View { goal: &goal, ..view(reached, last) };
-                slopes.reward_back(now, torques, work, -SCALE * x.shares[i], &mut slope, &mut tau);
+                task.reward_back(now, torques, work, -SCALE * x.shares[i], &mut gradient, &mut tau);
                 if let Ok(row) = usize::try_from(x.asked[i]) {
-                    slopes.observe_back(now, work, &by(&x.rows[row * width..], &x.by_rows[row * width..]), &mut slope);
+                    task.observe_back(now, work, &by(&x.rows[row * width..], &x.by_rows[row * width..]), &mut gradient);
                 }
             }
             for frame in (t * frames..=last).rev() {
                 let pushed = &x.pushed[at(frame) * joints..][..joints];
                 if reached[0].is_nan() {
-                    slope.fill(0.0);
+                    gradient.fill(0.0);
                 } else {
                     tau.iter_mut().zip(pushed).for_each(|(sum, g)| *sum += g);
                 }
-                slopes.act_back(seen(frame), &drawn, work, &tau, &mut slope, &mut by_action);
+                task.act_back(seen(frame), &drawn, work, &tau, &mut gradient, &mut by_action);
                 tau.fill(0.0);
             }
             for k in (0..a).filter(|k| drawn[*k].abs() <= 1.0 || by_action[*k] * drawn[*k] >= 0.0) {
@@ -112,7 +112,7 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
                 by_spread[i * a + k] = by_action[k] * (drawn[k] - f64::from(x.means[i * a + k]));
             }
         }
-        by_first.extend(slope);
+        by_first.extend(gradient);
     }
     (by_first, by_mean, by_spread)
 }
@@ -138,9 +138,10 @@ const LAUNCHES: &str = "
 #[test]
 fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
     let Some(compiler) = Compiler::find() else { return };
-    for name in every().into_iter().filter(|name| named(name).expect("registered").slopes().is_some()) {
+    for name in every().into_iter().filter(|name| *name != "lead-tip") {
         let mut played = episodes(name, "articulated", N);
-        let (system, task) = (played.simulation.batch.system.clone(), named(name).expect("registered"));
+        let (system, task) =
+            (played.simulation.batch.system.clone(), Compiled::new(named(name).expect("registered"), &played.simulation.batch.system));
         let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
         let (a, width, frames) = (task.action_dim(), task.observation_dim(), task.frames() as usize);
         played.trace();
@@ -148,10 +149,10 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let mut trace = played.trace();
         trace.reached[((HORIZON - 1) * N + LOST) * d..][..d].fill(f64::NAN);
         let (x, scene) = (given(width, a, joints, frames), played.simulation.batch.scenes[0].clone());
-        let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
+        let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&task, &scene, &mut Work::new(&system), &trace, &x);
 
         let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
-        let text = task.kernels(&system, reach, true).expect("kernels");
+        let text = task.kernels(reach, true).expect("kernels");
         let steps = HORIZON * N;
         let scenes = recorded(&played.simulation.batch);
         let read = [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares];
@@ -165,20 +166,20 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let launches = format!("const int N = {N}, HORIZON = {HORIZON};\nconst double SCALE = {SCALE};{LAUNCHES}");
         let found = compiler.launch(&text, &launches, &buffers);
         let single = |k: usize| floats(&found[k]).into_iter().map(f64::from).collect::<Vec<f64>>();
-        let (mut slope, said, mut spread, without) = (doubles(&found[16]), single(21), single(22), found[20].as_chunks::<4>().0);
+        let (mut gradient, said, mut spread, without) = (doubles(&found[16]), single(21), single(22), found[20].as_chunks::<4>().0);
         let mut mean: Vec<f64> = said.chunks(a + 1).flat_map(|row| row[..a].to_vec()).collect();
         assert!(said.chunks(a + 1).all(|row| row[a] == 0.0), "{name}: gradients by values");
         let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
-        assert_eq!(broken, [BREAKS], "{name}: environments without slopes");
-        // The failed environment contributes nothing; its gradient is not compared.
+        assert_eq!(broken, [BREAKS], "{name}: environments without gradients");
+        // The environment without gradients contributes nothing, and is not compared.
         let steps =
             |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
         assert!(steps(&mean).iter().chain(&steps(&spread)).all(|x| *x == 0.0), "{name}: it still teaches");
         for (numbers, width) in [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)] {
             numbers.chunks_mut(width).enumerate().filter(|(i, _)| i % N == BREAKS).for_each(|(_, row)| row.fill(0.0));
         }
-        slope[BREAKS * wide..][..wide].fill(0.0);
-        let off = [apart(&slope, &by_first), apart(&mean, &by_mean), apart(&spread, &by_spread)];
+        gradient[BREAKS * wide..][..wide].fill(0.0);
+        let off = [apart(&gradient, &by_first), apart(&mean, &by_mean), apart(&spread, &by_spread)];
         assert!(off[0] < 1e-11 && off[1] < 1e-6 && off[2] < 1e-6, "{name}: {off:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! Predictions of programs, of windows and of streams, and what is refused.
+//! Predictions on the GPU, of programs, windows and streams, against the CPU or burn; and inputs that must be refused.
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::program::specimens::{Specimen, TOKENS, WINDOWS, networks, operations as each};
@@ -7,8 +7,8 @@ use nerd_train::learner::cuda::{CudaForward, CudaProgram, CudaStream, Precision}
 
 use crate::with::{Checks, Outcome, apart, numbers, others, weights, windows as drawn, worse};
 
-/// Every operation and every network against its meaning in burn: outputs, gradients by weights and by tokens. Twice, since a pass uses the
-/// memory of the one before.
+/// Every operation and network against burn: outputs, gradients by weights and gradients by tokens. Runs twice, since a
+/// pass reuses the memory of the last.
 pub fn operations(checks: &mut Checks) -> Outcome {
     for specimen in each().into_iter().chain(networks()) {
         let Specimen { program, flat, tokens, upstream, name } = &specimen;
@@ -24,14 +24,14 @@ pub fn operations(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Predictions of windows and of their first tokens are those of the CPU; of a chain, those of all its rods.
+/// Predictions for one token per window against the CPU; for a chain, predictions of all rods.
 pub fn windows(checks: &mut Checks) -> Outcome {
     let table = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
     let is_chain = |config: &&TransformerConfig| config.architecture == Architecture::Chain;
     for config in others().iter().chain([&table]).filter(|config| !is_chain(config)) {
         let (w, mut here, mut there) = (weights(*config), Vec::new(), Vec::new());
         let mut cuda = CudaForward::new(&w, Precision::F32, 40)?;
-        // Sizes that are captured apart, and one for the second time.
+        // Sizes with a captured graph each; the last repeats one.
         for (count, tokens) in [(40, 10), (33, 10), (9, 6), (9, 10)] {
             let inputs = numbers(2, count * tokens * 37);
             let last: Vec<u32> = (0..count).map(|w| (w * 7 % tokens) as u32).collect();
@@ -51,7 +51,7 @@ pub fn windows(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Eighty frames of many environments, some of which are cleared.
+/// Eighty frames of 100 environments, with memory cleared now and then, against the CPU.
 pub fn streams(checks: &mut Checks) -> Outcome {
     let config = TransformerConfig { positions: Positions::Rotary, ..TransformerConfig::paper(247, 29, 192) };
     let (w, envs) = (weights(config), 100);
@@ -71,7 +71,7 @@ pub fn streams(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// What has no memory on the device is refused, what is not a number stays none.
+/// Refuses shapes without kernels or memory, and propagates NaN.
 pub fn refusals(checks: &mut Checks) -> Outcome {
     let rotary = TransformerConfig { positions: Positions::Rotary, layers: 2, ..TransformerConfig::paper(37, 4, 192) };
     let mut stream = CudaStream::new(&weights(rotary), Precision::F32, 40)?;
@@ -86,7 +86,7 @@ pub fn refusals(checks: &mut Checks) -> Outcome {
     let mut first = 0;
     for tensor in table.tensors() {
         let mut none = weights(table);
-        // An entry that all windows meet: of the position table the first row.
+        // Every window reads the first entry, also in the position table.
         none.flat[first] = f32::NAN;
         first += tensor.len();
         let mut y = Vec::new();

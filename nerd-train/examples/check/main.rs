@@ -1,26 +1,26 @@
-//! Checks what runs on the graphics card at hand against the CPU: networks, training, solvers, policies.
+//! Checks the GPU code against the CPU: networks, training, solvers, policies.
 //!
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example check              all parts
 //! cargo run --release -p nerd-train --features cuda --example check -- PART..    some of them
 //! ```
 //!
-//! All checks are made; one that fails ends the program with an error.
+//! All checks run; if one fails, the program ends with an error.
 
+mod gradients;
 mod inference;
 mod policies;
 mod shac;
-mod slopes;
 mod solvers;
 mod training;
 mod with;
 
 use with::{Checks, Outcome};
 
-/// A part by its name.
+/// Name and function of a part.
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
-/// In order.
+/// All parts, in order.
 const PARTS: [Part; 13] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
@@ -31,7 +31,7 @@ const PARTS: [Part; 13] = [
     ("chains", training::chains),
     ("solvers", solvers::solvers),
     ("predictions", solvers::predictions),
-    ("slopes", slopes::slopes),
+    ("vjp", gradients::gradients),
     ("shac", shac::shac),
     ("policies", policies::policies),
     ("tasks", policies::tasks),

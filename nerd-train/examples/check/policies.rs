@@ -1,24 +1,36 @@
-//! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
+//! PPO on the GPU against the CPU: rollouts with tasks on the GPU, and updates from the same rollout.
 
-use nerd_tasks::names;
-use nerd_train::ppo::{Activation, OnCpu, Rollout, Shape, Taken, Updated};
+use nerd_tasks::{Compiled, names};
+use nerd_train::ppo::{Activation, OnCpu, Rollout, RolloutStats, Shape, Updated};
 
 use crate::with::*;
 
-/// Environments, and steps of a rollout.
+/// Environments and steps of a rollout.
 const N: usize = 512;
 const HORIZON: usize = 16;
-/// Numbers that differ by more than this are apart; so many of all may be, since contact now and then falls otherwise.
+/// Relative difference above which two numbers count as apart, and the allowed share of such numbers. A few differ,
+/// since contacts begin a frame early or late.
 const APART: f64 = 1e-4;
 const SHARE: f64 = 0.02;
 
-/// The last minibatch of a pass is smaller; the rate is left alone, since a rounding may carry a divergence across its threshold.
+/// The last minibatch of a pass is smaller. The learning rate is fixed (`target_kl` 0): rounding may carry the KL divergence
+/// across its threshold.
 fn config(stack: usize, activation: Activation) -> PpoConfig {
     let hidden = vec![64, 32];
-    PpoConfig { environments: N, horizon: HORIZON, minibatch: 1000, epochs: 2, kl: 0.0, stack, hidden, activation, ..PpoConfig::default() }
+    PpoConfig {
+        environments: N,
+        horizon: HORIZON,
+        minibatch: 1000,
+        epochs: 2,
+        target_kl: 0.0,
+        stack,
+        hidden,
+        activation,
+        ..PpoConfig::default()
+    }
 }
 
-/// Episodes and what answers them on the card.
+/// Episodes with their engine on the GPU.
 struct Side {
     episodes: Episodes,
     engine: CudaEngine,
@@ -26,16 +38,16 @@ struct Side {
 }
 
 impl Side {
-    /// Whose episodes are stepped on the card, or by their own solver.
+    /// Tasks and episodes run on the GPU if `on_card`, else on the CPU around the solver.
     fn new(episodes: Episodes, on_card: bool, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
         let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, config)?);
         engine.steps_episodes = on_card;
         Ok(Self { episodes, engine, running })
     }
 
-    fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
+    fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, RolloutStats)> {
         let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
-        let taken = self.engine.roll(Stage {
+        let taken = self.engine.roll(RolloutInput {
             episodes: &mut self.episodes,
             running: &mut self.running,
             policy,
@@ -46,8 +58,8 @@ impl Side {
         Ok((self.engine.rollout()?, taken))
     }
 
-    /// How far apart, as a share of their way, weights are that card and CPU learn from the last rollout; and how far apart what they find
-    /// on the way and the moments are.
+    /// Learns from the last rollout on the GPU and on the CPU. Returns the distance between both weights relative to
+    /// the update, and the largest relative difference of loss terms and moments.
     fn learn(&mut self, first: &Policy, config: &PpoConfig) -> Outcome<[f64; 2]> {
         let adam = Adam::new(first.flat.len(), 1e-3);
         let [mut one, mut other] = [(first.clone(), adam.clone()), (first.clone(), adam)];
@@ -62,7 +74,7 @@ impl Side {
     }
 }
 
-/// Episodes of which some will soon run out of time.
+/// Episodes in progress: in every fifth environment at most 40 frames are left.
 pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
     let mut episodes = arena.episodes(task, n, 3)?;
     episodes.climb();
@@ -73,13 +85,13 @@ pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
     Ok(episodes)
 }
 
-/// Every kind of policy learns the same on the card and on the CPU.
+/// Policies with each activation, value clip and spread by state learn the same on GPU and CPU.
 pub fn policies(checks: &mut Checks) -> Outcome {
-    for (activation, spread_by_state, value_clip) in
+    for (activation, state_dependent_std, value_clip) in
         [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
-        let host = under_way("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)), N)?;
-        let config = PpoConfig { value_clip, entropy: 0.01, spread_by_state, ..config(2, activation) };
+        let host = under_way("cartpole-swingup", &Arena::Solver(SolverSpec::implicit(4)), N)?;
+        let config = PpoConfig { value_clip, ent_coef: 0.01, state_dependent_std, ..config(2, activation) };
         let shape = Shape::of(&*host.task, &config);
         let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape, &config)?);
         side.roll(&policy, &config, 0)?;
@@ -91,25 +103,27 @@ pub fn policies(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Tasks on the card, in a model, in articulated dynamics and with robots of a family; and a run that goes on from a snapshot.
+/// Tasks on the GPU with a model, articulated dynamics and robots of a family; and continuation from a snapshot.
 pub fn tasks(checks: &mut Checks) -> Outcome {
     for name in names() {
         let task = named(name)?;
-        if task.kernels(&*System::named(task.robot())?, Reach { colliders: 1, ..Reach::default() }, false).is_ok() {
+        let system = task.system()?;
+        let task = Compiled::new(task, &system);
+        if task.kernels(Reach { colliders: 1, ..Reach::default() }, false).is_ok() {
             let folder = Path::new("models").join(task.robot());
-            task_alike(checks, name, &Arena::Model { folder, device: Device::Cuda })?;
-            task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;
+            task_alike(checks, name, &Arena::Solver(SolverSpec::neural(folder).on(Device::Cuda)))?;
+            task_alike(checks, name, &Arena::Solver(SolverSpec::implicit(4).on(Device::Cuda)))?;
         }
     }
-    task_alike(checks, "rough@anymal", &Arena::Card(Setting::Implicit(4)))?;
+    task_alike(checks, "rough@anymal", &Arena::Solver(SolverSpec::implicit(4).on(Device::Cuda)))?;
     for (task, robot) in [("ant-run", "ant"), ("anymal-forward", "anymal"), ("rough@anymal", "anymal")] {
         let mut family = (*System::named(&format!("{robot}-family"))?).clone();
         if let Some(vary) = &mut family.spec.vary {
             (vary.gain, vary.lag, vary.push) = (range(0.8, 1.2), range(0.0, 2.0), range(0.0, 0.5));
-            (vary.noise, vary.root_noise, vary.turn_noise) = (range(0.0, 0.01), range(0.0, 0.01), range(0.0, 0.01));
+            (vary.noise, vary.root_noise, vary.orientation_noise) = (range(0.0, 0.01), range(0.0, 0.01), range(0.0, 0.01));
             vary.push_every = Some(0.1);
         }
-        task_alike(checks, task, &Arena::Family(Truth::Articulated, family.into(), Device::Cuda))?;
+        task_alike(checks, task, &Arena::Family(SolverSpec::default().on(Device::Cuda), family.into()))?;
     }
     Ok(())
 }
@@ -145,13 +159,14 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
     other.engine.restore(&mut other.episodes, &kept)?;
     other.running = gpu.running.clone();
     let (gone_on, begun_again) = (gpu.roll(&policy, &config, 2)?.0, other.roll(&policy, &config, 2)?.0);
-    let (share, exact) = (share(&gone_on.observations, &begun_again.observations), matches!(arena, Arena::Card(_)));
+    let (share, exact) =
+        (share(&gone_on.observations, &begun_again.observations), arena.spec().is_some_and(|spec| spec.folder().is_none()));
     let same = gone_on.observations == begun_again.observations;
     checks.demand(share <= SHARE && (same || !exact), format!("{title}, gone on from a snapshot: {share:.1e} apart"));
     Ok(())
 }
 
-/// Share of the numbers that are apart.
+/// Share of the numbers that are apart ([`APART`]).
 fn share(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let off = a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs()));

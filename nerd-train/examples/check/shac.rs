@@ -1,20 +1,20 @@
-//! SHAC on the card: its gradient and its critic are the CPU's.
+//! SHAC on the GPU: gradient, return and critic against the CPU.
 
 use crate::policies::under_way;
 use crate::with::*;
 
-/// Environments and steps whose gradients are compared. Steps are few, since rounding grows with every contact.
+/// Environments and steps of a rollout. Few steps, since every contact amplifies rounding.
 const N: usize = 64;
 const HORIZON: usize = 8;
-/// Gradients may be as far apart, as a share of their size.
+/// Tolerance of gradient and return, relative to their size.
 const APART: f64 = 1e-3;
 const TASKS: [&str; 3] = ["cartpole-swingup", "ant-run", "anymal-forward"];
 
 fn model(task: &str, device: Device) -> Outcome<Arena> {
-    Ok(Arena::Model { folder: Path::new("models").join(named(task)?.robot()), device })
+    Ok(Arena::Solver(SolverSpec::neural(Path::new("models").join(named(task)?.robot())).on(device)))
 }
 
-/// The articulated solver in 64 bits, on the card or not.
+/// The articulated solver in f64, on the GPU or the CPU.
 fn articulated(on_card: bool) -> Arena {
     let make = move |system: &Arc<System>, _: &Arc<Scene>| -> nerd_train::Result<Box<dyn Solver>> {
         let config = ArticulatedConfig::accurate(system);
@@ -23,7 +23,7 @@ fn articulated(on_card: bool) -> Arena {
     Arena::Guest("articulated".into(), Arc::new(make))
 }
 
-/// What one iteration found: gradient, J, and the weights of policy and critics after it.
+/// Results of one iteration: gradient, return J, weights of policy and critics, timed parts.
 struct Found {
     gradient: Vec<f32>,
     earned: f64,
@@ -41,7 +41,7 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     policy.seen.update(episodes.observations());
     let mut running = Running::new(&episodes, 1);
     let mut shac = Shac::new(&mut episodes, &mut policy, &config, 4)?;
-    // A critic that has learned nothing has no slope.
+    // An untrained critic has zero gradient, so perturb its weights.
     for (name, numbers) in shac.learned()?.into_iter().take(2) {
         let offset = if name == "critic" { 0 } else { 7 };
         numbers.iter_mut().enumerate().for_each(|(k, w)| *w += 0.05 * crate::with::noise(9, k + offset));
@@ -49,7 +49,8 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let (noise, orders, mut adam) =
         (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
     let first = policy.flat.clone();
-    let stage = Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
+    let stage =
+        RolloutInput { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
         card.roll(stage)?;
@@ -66,13 +67,13 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     Ok(Found { gradient, earned, first, weights: policy.flat, critic, parts })
 }
 
-/// Weights of the critic and of the slower one.
+/// Weights of the critic and of its target network.
 fn critics(engine: &mut dyn Engine) -> Outcome<[Vec<f32>; 2]> {
     let both: Vec<Vec<f32>> = engine.learned()?.into_iter().take(2).map(|(_, numbers)| numbers.clone()).collect();
     both.try_into().map_err(|_| "two critics are learned".into())
 }
 
-/// Gradients and updates are the CPU's.
+/// Gradients and updates on the GPU against the CPU, in models and in the articulated solver.
 pub fn shac(checks: &mut Checks) -> Outcome {
     for (task, exact) in TASKS.into_iter().flat_map(|task| [(task, false), (task, true)]) {
         let name = if exact { "articulated" } else { "model" };

@@ -1,5 +1,5 @@
-//! Solvers whose batch stays on the card: that they move as on the CPU, and that harm to one environment, a full memory or too large a robot
-//! ends in a line.
+//! Solvers with the batch on the GPU: motion against the CPU; and one-line errors for an invalid environment, a full
+//! memory and too large a robot.
 
 use nerd_model::neural::Neural;
 use nerd_model::transformer::packed;
@@ -9,12 +9,12 @@ use nerd_sim::rig::Rig;
 
 use crate::with::*;
 
-/// Environments of a robot, in scenes and from starts as data sets have them.
+/// A batch of a robot, with scenes and starts as in data sets.
 pub fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {
     Ok(begin(system, &GenerateConfig { seed: 3, ..GenerateConfig::default() }, 0, n)?)
 }
 
-/// Torques of a frame; of a cable its gripper's alone.
+/// Torques of one frame. On a cable only the gripper is driven.
 fn torques(batch: &Batch, frame: usize) -> Vec<f64> {
     let joints = batch.system.robot.joint_count();
     let (driven, size) = if joints > 20 { (6, 0.5) } else { (joints, 5.0) };
@@ -25,20 +25,20 @@ fn torques(batch: &Batch, frame: usize) -> Vec<f64> {
 pub fn solvers(checks: &mut Checks) -> Outcome {
     let (ant, family, lead) = (System::named("ant")?, System::named("ant-family")?, System::named("lead-pegs")?);
     let (full, short) = (Precision::F32, Precision::Tf32);
-    // The last: how far from the CPU the median environment may be after thirty frames. Where an edge is met a motion may part; most do not.
-    // TF32 and f16 round 2^13 times as coarsely.
+    // Last: tolerance of the median environment against the CPU after 30 frames. Motions may diverge at an edge; most
+    // do not. TF32 and f16 round 2^13 times as coarsely as f32.
     for (setting, precision, system, most) in [
-        (Setting::Accurate, full, &ant, 1e-4),
-        (Setting::Accurate, full, &family, 1e-4),
-        (Setting::Neural("models/ant".into()), full, &ant, 1e-4),
-        (Setting::Neural("models/ant".into()), Precision::F16, &ant, 0.1),
-        (Setting::Neural("models/lead-pegs".into()), full, &lead, 0.05),
-        (Setting::Neural("models/lead-pegs".into()), short, &lead, 0.1),
-        (Setting::Implicit(4), full, &lead, 1e-2),
+        (SolverSpec::default(), full, &ant, 1e-4),
+        (SolverSpec::default(), full, &family, 1e-4),
+        (SolverSpec::neural("models/ant"), full, &ant, 1e-4),
+        (SolverSpec::neural("models/ant"), Precision::F16, &ant, 0.1),
+        (SolverSpec::neural("models/lead-pegs"), full, &lead, 0.05),
+        (SolverSpec::neural("models/lead-pegs"), short, &lead, 0.1),
+        (SolverSpec::implicit(4), full, &lead, 1e-2),
     ] {
         let new = || resident(&setting, system, Real::F64, precision);
         let (mut one, mut all, mut cpu) = (batch(system, 64)?, batch(system, 64)?, batch(system, 64)?);
-        let (mut stepped, mut own) = (new()?, setting.solver(system)?);
+        let (mut stepped, mut own) = (new()?, setting.solver(system, 1)?);
         if system.spec.vary.is_some() {
             own = Box::new(Rig::new(own));
         }
@@ -77,7 +77,7 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         checks.demand(one.state(3) == fresh.state(3), format!("{name}: an environment that begins anew, the bits of a fresh one"));
     }
     refused(checks, &ant)?;
-    // A cube has no torques to send.
+    // A cube has no torques to upload.
     let cube = System::named("cube")?;
     let (mut there, mut here, config) = (batch(&cube, 4)?, batch(&cube, 4)?, ArticulatedConfig::accurate(&cube));
     CudaArticulated::new(config, Real::F64).roll(&mut there, &[], 3)?;
@@ -85,7 +85,7 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     (0..3).try_for_each(|_| solver.step(&mut here, &[]))?;
     let off = largest(&there.states, &here.states);
     checks.demand(off < 1e-9, format!("cubes, three frames: {off:.1e} from the CPU"));
-    // Hills have no kernels: the network alone is on the device.
+    // Hills have no kernels, so only the network runs on the GPU.
     let (mut there, mut here, hills) = (batch(&ant, 100)?, batch(&ant, 100)?, ant.scene("hills")?);
     [&mut there, &mut here].iter_mut().for_each(|batch| batch.scenes.fill(hills.clone()));
     for (device, batch) in [(Device::CudaF32, &mut there), (Device::Cpu, &mut here)] {
@@ -97,7 +97,7 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// A network on the CPU, whose tokens and predictions are noted.
+/// A network on the CPU that records its last tokens and predictions.
 struct Noted(Box<dyn Stream>, Arc<Mutex<[Vec<f32>; 2]>>);
 
 impl Stream for Noted {
@@ -112,12 +112,12 @@ impl Stream for Noted {
     }
 }
 
-/// The Ant's model: how far predictions are from the CPU's, by the arithmetic of its products.
+/// Errors of the Ant model's predictions against the CPU, by precision of the matrix products.
 pub fn predictions(checks: &mut Checks) -> Outcome {
     let (ant, folder, n) = (System::named("ant")?, Path::new("models/ant"), 8192);
     let (mut many, model) = (batch(&ant, n)?, Model::load(folder, &ant, None)?);
-    let setting = Setting::Neural(folder.into());
-    // Most have fallen.
+    let setting = SolverSpec::neural(folder);
+    // After 25 frames without torque most robots have fallen.
     let idle = vec![0.0; n * ant.robot.joint_count()];
     resident(&setting, &ant, Real::F32, Precision::F32)?.roll(&mut many, &idle, 25)?;
     let noted = Arc::new(Mutex::default());
@@ -137,7 +137,7 @@ pub fn predictions(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// A device whose memory others have, and a robot that no thread has room for.
+/// Errors for a GPU whose memory is full, and for a robot too large for a thread.
 fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
     let device = nerd_cuda::Device::open("", &[])?;
     let (mut taken, mut piece) = (Vec::new(), 1usize << 34);

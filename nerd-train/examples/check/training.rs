@@ -1,4 +1,4 @@
-//! Gradients and updates, of windows and through frames.
+//! Gradients and updates on the GPU against the CPU, for windows and for rollouts.
 
 use nerd_model::chain::{Chain, ChainSolver};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
@@ -6,7 +6,7 @@ use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, UnrollLearner};
 
 use crate::with::*;
 
-/// Every entry is the CPU's within this share of the root mean square of its tensor's: one that is missing is off by all of itself.
+/// Tolerance of a gradient entry, relative to the root mean square of its tensor. A missing entry exceeds it.
 const ENTRY: f64 = 2e-3;
 
 pub fn gradients(checks: &mut Checks) -> Outcome {
@@ -15,7 +15,7 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
         let (settings, state) = (LearnerConfig { huber, ..settings(64) }, LearnerState::new(centre.clone()));
         let mut cuda = CudaLearner::new(settings, Precision::F32, state.clone(), [&data, &data])?;
         let mut cpu = CpuLearner::new(settings, state, [data.clone(), data.clone()])?;
-        // Those that the device draws for the first update.
+        // The windows that the device draws for its first update.
         let rows: Vec<u64> = (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
         let ((loss, found), (of_cpu, expected)) = (cuda.gradient()?, cpu.gradient(&rows)?);
         let (mut first, mut worst) = (0, 0.0f64);
@@ -37,7 +37,7 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Ten updates from one state come to the CPU's weights, by Adam and by Muon; a state that is taken up again goes on to the bit.
+/// Ten updates by Adam and by Muon, against the CPU. A learner resumed from its state gives the same bits.
 pub fn updates(checks: &mut Checks) -> Outcome {
     let small = TransformerConfig { layers: 2, heads: 4, ..TransformerConfig::paper(37, 4, 48) };
     for (config, optimizer) in others().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)]) {
@@ -62,7 +62,7 @@ pub fn updates(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Updates of a cable through eight frames have the CPU's losses.
+/// Losses of updates through eight frames of a cable, against the CPU.
 pub fn chains(checks: &mut Checks) -> Outcome {
     let system = System::named("lead-pegs")?;
     let train = motions(&system)?;

@@ -1,20 +1,10 @@
-//! Models and solvers whose frames are on a graphics card.
+//! Solvers with whole frames on a GPU, with a fallback for batches without kernels.
 
-use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
-use nerd_sim::solver::Slopes;
+use nerd_sim::articulated::device::{Real, Resident, Roll};
+use nerd_sim::solver::Gradients;
 
 use crate::learner::cuda::{self, Precision};
 use crate::prelude::*;
-
-/// A solver at one setting whose batch stays on a GPU.
-pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
-    if let Setting::Neural(folder) = setting {
-        let whole = cuda::resident(Model::load(folder, system, None)?, system, real, precision);
-        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
-    }
-    let config = setting.articulated(system).ok_or_else(|| Error::Refused(format!("{setting} has no kernels; step it on the CPU")))?;
-    Ok(Box::new(CudaArticulated::new(config, real)))
-}
 
 /// A model as a solver: whole frames on the device, or `alone` where that has no kernels for them.
 pub(super) fn frames(
@@ -37,11 +27,11 @@ pub(super) fn frames(
     }
 }
 
-/// Makes a solver when it is needed.
+/// Makes the fallback.
 type Make = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
 
-/// Whole frames on the card, until a batch asks for what has no kernels (a scene with hills, say): from there on the network alone is there, or
-/// of a chain nothing.
+/// Whole frames on the GPU, until a batch has no kernels (a scene with hills, say). From then on only the network runs
+/// on the GPU; of a chain nothing does.
 struct WithFallback {
     whole: Box<dyn Roll>,
     stepped: bool,
@@ -52,7 +42,7 @@ struct WithFallback {
 }
 
 impl WithFallback {
-    /// What makes the frames from here on.
+    /// The solver that makes the next frames.
     fn present(&mut self) -> &mut dyn Solver {
         match &mut self.fallback {
             Some(fallback) => &mut **fallback,
@@ -68,14 +58,14 @@ impl Solver for WithFallback {
         }
         let why = match self.whole.step(batch, torques) {
             Err(StepError::Refused(why)) => why,
-            // A robot too large for the card is known when its kernels are made.
+            // The size of a robot is checked when its kernels are compiled, at the first step.
             Err(StepError::Solver(why)) if !self.stepped => why,
             done => {
                 self.stepped = true;
                 return done;
             }
         };
-        // What asks too much of the solver on the card may do so of every one; then that one says it.
+        // If the fallback refuses the batch, too, its own error is returned.
         let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
         let mut fallback = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
         let done = fallback.step(batch, torques);
@@ -94,8 +84,8 @@ impl Solver for WithFallback {
         Some(self.present())
     }
 
-    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        self.present().back(batch, torques, rows, by_next)
+    fn vjp(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
+        self.present().vjp(batch, torques, rows, grad_next)
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

@@ -1,30 +1,28 @@
-//! Where networks are computed, and models as solvers there.
+//! Devices that evaluate networks, and models as solvers on them.
 
 #[cfg(feature = "cuda")]
 mod card;
 
-#[cfg(feature = "cuda")]
-pub use card::resident;
-use nerd_model::pick::learned;
+use nerd_model::solver::learned;
 
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
 use crate::prelude::*;
 
-/// Where networks are computed.
+/// The device that evaluates a network.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Device {
     /// The CPU.
     #[default]
     Cpu,
-    /// An NVIDIA GPU (feature `cuda`); where one kernel computes a network whole, its products are in f16.
+    /// An NVIDIA GPU (feature `cuda`). Matrix products are in f16 where a fused kernel evaluates the network.
     Cuda,
-    /// The same, all in f32.
+    /// An NVIDIA GPU, with matrix products in f32.
     CudaF32,
     /// The CPU through burn (feature `burn`).
     Flex,
-    /// Any card that Vulkan, Metal or DirectX drives, through burn (feature `wgpu`).
+    /// Any GPU with Vulkan, Metal or DirectX, through burn (feature `wgpu`).
     Wgpu,
 }
 
@@ -35,7 +33,7 @@ impl std::fmt::Display for Device {
 }
 
 impl Device {
-    /// Their names, as serde has them.
+    /// Names on the command line and in serde, in the order of the variants.
     pub const WORDS: &[&str] = &["cpu", "cuda", "cuda-f32", "flex", "wgpu"];
 
     /// Refuses a device that this build or machine does not have.
@@ -56,7 +54,7 @@ impl Device {
         Ok(())
     }
 
-    /// Whether it is an NVIDIA GPU.
+    /// Whether the device is an NVIDIA GPU.
     pub fn is_cuda(self) -> bool {
         matches!(self, Self::Cuda | Self::CudaF32)
     }
@@ -79,7 +77,7 @@ impl Device {
         Ok(nerd_model::BurnDevice::flex())
     }
 
-    /// A network on this device, for `envs` environments.
+    /// A network on this device, for up to `envs` environments.
     pub fn network(self, weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
         self.check()?;
         match self {
@@ -99,12 +97,14 @@ impl Device {
         }
     }
 
-    /// Loads a folder's model as a solver of `system` for `envs` environments; the model must have learned `truth`, if given.
+    /// Loads a model folder as a solver of `system` for up to `envs` environments. If `truth` is given, the model must
+    /// have learned it.
     pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
         self.solver(Model::load(folder, system, truth)?, system, envs)
     }
 
-    /// A model as a solver of `system` for `envs` environments: whole frames are computed on a GPU where they can be, or else the network.
+    /// A model as a solver of `system` for up to `envs` environments. A GPU computes whole frames where it has kernels,
+    /// else the network alone.
     pub fn solver(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
         if self.is_cuda() {
@@ -114,7 +114,7 @@ impl Device {
         self.alone(model, system, envs)
     }
 
-    /// A model whose network alone is on this device; of a chain that is on the CPU, too.
+    /// A model with only its network on this device. A chain runs on the CPU as a whole.
     fn alone(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         if model.config.network.architecture == Architecture::Chain {
             return Ok(learned(model, system)?);
@@ -124,12 +124,12 @@ impl Device {
     }
 }
 
-/// The articulated truth on a GPU, in 64 bits.
+/// The articulated truth on a GPU, in f64.
 pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
     let config = nerd_sim::articulated::ArticulatedConfig::accurate(system);
     #[cfg(feature = "cuda")]
     return Box::new(nerd_sim::articulated::device::CudaArticulated::new(config, nerd_sim::articulated::device::Real::F64));
-    // What needs a card was refused before.
+    // A build without `cuda` has refused the GPU before.
     #[cfg(not(feature = "cuda"))]
     Box::new(nerd_sim::articulated::Articulated::new(config))
 }

@@ -1,17 +1,18 @@
-//! Distances between states, and the constant-velocity predictor.
+//! Distances between states, and speeds of a state.
 
 use nerd_core::dynamics::to_local;
 
 use crate::prelude::*;
 use crate::stats::mean;
 
-/// What is compared: a floating root's position (m, Euclidean distance) and orientation (rad, angle between), then the joints.
+/// Names of the compared quantities: position (m, Euclidean) and orientation (rad, angle) of a floating root, then the
+/// joints.
 pub fn quantities(system: &System) -> Vec<String> {
     let root = ["position", "orientation"].into_iter().filter(|_| system.robot.floating()).map(String::from);
     root.chain(system.robot.joints().map(|j| j.name.clone())).collect()
 }
 
-/// Figures in the order of [`quantities`] as a table shows them: the joints of a robot with more than two by their mean.
+/// Figures in the order of [`quantities`], as tables show them. Above two joints, their mean replaces them.
 pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
     let joints = system.robot.joint_count();
     if joints <= 2 {
@@ -21,7 +22,7 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
     [root, &[mean(angles)]].concat()
 }
 
-/// What [`summary`] has, with units.
+/// Names of the entries of [`summary`], with units.
 pub fn summary_names(system: &System) -> Vec<String> {
     let root = ["position (m)", "orientation (rad)"].into_iter().filter(|_| system.robot.floating()).map(String::from);
     let unit = |j: &Joint| if j.kind == JointKind::Prismatic { "m" } else { "rad" };
@@ -36,15 +37,15 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// Of this robot.
+    /// Distances between states of `system`.
     pub fn new(system: &Arc<System>) -> Self {
         Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
     }
 
-    /// Their differences (m, rad), in the order of [`quantities`].
+    /// Absolute differences (m, rad) of two states, in the order of [`quantities`].
     ///
     /// # Panics
-    /// If there are fewer numbers in `out`.
+    /// If `out` has fewer entries.
     pub fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         let coords = self.system.robot.root_coords();
         let mut at = 0;
@@ -59,7 +60,7 @@ impl Gaps {
         }
     }
 
-    /// Largest joint speed, turning speed and speed of the root.
+    /// Largest joint speed, and the root's angular and linear speed (0 if fixed).
     pub(super) fn speeds(&self, state: &[f64]) -> [f64; 3] {
         let robot = &self.system.robot;
         let mut state = state.to_vec();
@@ -70,7 +71,7 @@ impl Gaps {
     }
 }
 
-/// Angle between two orientations (rad), from the chord of their quaternions, so that equal ones are at 0 and not at rounding.
+/// Angle between two orientations (rad), from the chord of the quaternions: exactly 0 for equal ones.
 fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
     4.0 * near.min(far).atan2(near.max(far))

@@ -1,19 +1,19 @@
-//! Joints held by drives on their way to random targets, a new one every 20 ms: what a policy asks of a robot.
+//! Drives with random targets around the default pose, a new one every 20 ms, like a policy's commands.
 
 use nerd_sim::drive::{Drive, holding, specified};
 
 use crate::prelude::*;
 
-/// Time from one target to the next (s).
+/// Time between targets (s).
 const PERIOD: f64 = 0.02;
 
-/// Targets by frame and start.
+/// Random targets of drives, by period and start.
 pub struct Held {
-    /// Of one environment, at the default pose.
+    /// Drives of one environment, at the default pose.
     pub rest: Vec<Drive>,
-    /// Frames from one target to the next.
+    /// Frames between targets.
     pub every: usize,
-    /// How far they are from the default pose (rad or m), `[target][env][joint]`.
+    /// Offsets of the targets from the default pose (rad or m), `[target][env][joint]`.
     pub targets: Vec<Vec<Vec<f64>>>,
 }
 
@@ -31,7 +31,7 @@ impl Held {
         Self { rest, every, targets }
     }
 
-    /// Drives of `environments` environments, which take the starts' drives in turn.
+    /// Drives for target number `target`, `[env][joint]`. Environments repeat the starts cyclically.
     pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
         let of =
             |own: &Vec<f64>| self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>();

@@ -1,8 +1,8 @@
-//! Passive motion: how far a solver drifts from the truth, from equal starts, without actions (paper 5.1; protocol of
-//! the reference system: starts as the robot is reset, mean over every step and every trajectory of the absolute
-//! difference, endless angles wrapped; a position law holds its target, elsewhere there is no torque).
+//! Error of passive rollouts: a solver against the truth, from equal starts, without actions (paper 5.1). Protocol of
+//! the reference simulator: starts as at a robot's reset; mean absolute difference over all steps and trajectories;
+//! endless angles wrapped. A position law holds its target; without one there is no torque.
 //!
-//! Each figure has a baseline without dynamics: `hold` repeats the start. A rollout that diverges is counted and stays in every mean.
+//! The baseline `hold` repeats the start. Diverged rollouts are counted and stay in every mean.
 
 use std::fmt;
 
@@ -21,7 +21,7 @@ use tally::Tally;
 
 use crate::prelude::*;
 
-/// Frames of the paper's passive-motion protocol.
+/// Frames of the paper's passive protocol, by robot name.
 pub fn horizon(robot: &str) -> usize {
     match robot.strip_suffix("-paper").unwrap_or(robot) {
         "cartpole" => 1000,
@@ -30,22 +30,22 @@ pub fn horizon(robot: &str) -> usize {
     }
 }
 
-/// What to run.
+/// Settings of an evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveConfig {
-    /// Trajectories (paper: 2048).
+    /// Number of trajectories (paper: 2048).
     pub starts: usize,
-    /// Frames (paper: 100 for the pendulum, 1000 for Cartpole).
+    /// Frames of a trajectory (paper: 100 for the pendulum, 1000 for Cartpole).
     pub steps: usize,
     /// Seed of the starts (reference: 500).
     pub seed: u64,
-    /// What drives the joints.
+    /// Torques at the joints.
     #[serde(default)]
     pub action: Action,
 }
 
 impl PassiveConfig {
-    /// Refuses what no mean can be taken over.
+    /// Refuses settings without a defined mean.
     pub fn check(&self) -> Result<(), String> {
         within("starts", self.starts as f64, 1.0..=1e9, "")?;
         within("steps", self.steps as f64, 1.0..=1e9, "")?;
@@ -57,31 +57,33 @@ impl PassiveConfig {
         }
     }
 
-    /// Targets of [`Action::Held`]; none if joints are driven otherwise.
+    /// Targets of [`Action::Held`]; none for other actions.
     pub fn held(&self, system: &System) -> Option<Held> {
         let Action::Held(size) = self.action else { return None };
         Some(Held::new(system, size, [self.starts, self.steps], self.seed))
     }
 }
 
-/// What drives the joints of a rollout.
+/// Torques or drives at the joints during a rollout.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Action {
-    /// Action 0 of the robot's controller: its position law holds the default pose; elsewhere no torque (the paper).
+    /// Action 0 of the robot's controller: its position law holds the default pose. Without a controller, no torque
+    /// (paper).
     #[default]
     Zero,
-    /// No torque, whatever the controller.
+    /// No torque, even with a controller.
     Limp,
-    /// The training data's random torques times this factor, drawn at the truth's state and given to both.
+    /// Random torques as in training data, times this factor. They are drawn at the truth's state and given to both
+    /// solvers.
     Random(f64),
-    /// Drives with the robot's gains, on their way to random targets within so much (rad or m) of the default pose ([`Held`]).
+    /// Drives with the robot's gains and random targets ([`Held`]) within this distance (rad or m) of the default pose.
     Held(f64),
-    /// Those that were recorded, from starts that were; a solver has seen so many frames before each ([`Pieces`]).
+    /// Recorded torques from recorded starts, each after this many frames of history ([`Pieces`]).
     Recorded(usize),
 }
 
-/// As a protocol's words end with it: nothing for [`Action::Zero`].
+/// The suffix of a protocol's description; empty for [`Action::Zero`].
 impl fmt::Display for Action {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -94,7 +96,7 @@ impl fmt::Display for Action {
     }
 }
 
-/// Rolls `truth` and `solver` out from the same starts; `progress` is called after each step.
+/// Rolls out `truth` and `solver` from the same starts. `progress` gets the number of steps done after each step.
 pub fn passive(
     system: &Arc<System>,
     scene: &Arc<Scene>,

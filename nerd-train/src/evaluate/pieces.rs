@@ -1,33 +1,34 @@
-//! Rollouts beside recorded motion, of a log or of robots of a family.
+//! Rollouts against recorded motion, of a log or of robots of a family.
 
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 
 use super::tally::{PassiveReport, Tally};
 use crate::prelude::*;
 
-/// Pieces of recorded trajectories of equal length, side by side.
+/// Pieces of recorded trajectories of equal length, one per environment.
 #[derive(Clone)]
 pub struct Pieces {
-    /// The robot, as the solver is to have it.
+    /// The robot with nominal parameters.
     pub system: Arc<System>,
-    /// The robot of each piece, where they differ.
+    /// The robot of each piece; empty if all are `system`.
     pub systems: Vec<Arc<System>>,
-    /// Where each was.
+    /// The scene of each piece.
     pub scenes: Vec<Arc<Scene>>,
-    /// Frames that a solver is shown before it goes on alone.
+    /// Frames of history shown to a solver before its rollout.
     pub before: usize,
-    /// States `[frame][piece][q, qd]`, one more than frames.
+    /// States `[frame][piece][q, qd]`, one more than the frames.
     pub states: Vec<Vec<f64>>,
     /// Torques `[frame][piece][joint]`.
     pub torques: Vec<Vec<f64>>,
 }
 
 impl Pieces {
-    /// Trajectories `0 .. count` of data of a truth, of robots of their own where something is drawn of them, of which a solver is shown so
-    /// many frames as sensors have them. The start of what it goes alone, and what it is compared with, are without their noise.
+    /// Pieces of the trajectories that `config` records with `truth`; varied parameters are drawn per trajectory. The
+    /// first `before` states are as noisy sensors show them. Later states, with the start of the rollout, have no
+    /// noise.
     ///
     /// # Errors
-    /// If that cannot be recorded, or is no longer than what is shown.
+    /// If recording fails, or a trajectory has no frame after the first `before`.
     pub fn drawn(system: &Arc<System>, truth: Truth, config: &GenerateConfig, before: usize) -> Result<Self> {
         if before >= config.frames {
             refuse!("{} frames: more than the {before} that are seen are needed", config.frames);
@@ -47,14 +48,14 @@ impl Pieces {
         Ok(Self { system: system.clone(), systems: begun.systems, scenes: begun.scenes, before, states, torques })
     }
 
-    /// The same pieces, with the solver's history cut to its last `before` frames (at most all of them).
+    /// The same pieces with only the last `before` frames of history (at most all of them).
     pub fn seen(&self, before: usize) -> Self {
         let skip = self.before.saturating_sub(before);
         let (states, torques) = (self.states[skip..].to_vec(), self.torques[skip..].to_vec());
         Self { before: self.before - skip, states, torques, ..self.clone() }
     }
 
-    /// The same as a solver has them that knows the robot as its files have it, in scenes of its material.
+    /// The same pieces for a solver that knows only the robot's file: nominal parameters, gravity and contact material.
     pub fn described(&self) -> Self {
         let own = |scene: &Arc<Scene>| {
             let mut scene = (**scene).clone();
@@ -65,7 +66,7 @@ impl Pieces {
         Self { systems: Vec::new(), scenes: self.scenes.iter().map(own).collect(), ..self.clone() }
     }
 
-    /// The same as a solver has them that is told what was drawn, but for ripples.
+    /// The same pieces for a solver that knows the drawn parameters, except torque ripple.
     pub fn told(&self) -> Self {
         let told = |own: &Arc<System>| {
             let mut own = (**own).clone();
@@ -75,20 +76,20 @@ impl Pieces {
         Self { systems: self.systems.iter().map(told).collect(), ..self.clone() }
     }
 
-    /// How many.
+    /// Number of pieces.
     pub fn count(&self) -> usize {
         self.scenes.len()
     }
 
-    /// Frames that a solver goes alone.
+    /// Frames of a rollout.
     pub fn frames(&self) -> usize {
         self.torques.len() - self.before
     }
 
-    /// Errors of a solver that is shown the first frames and rolls out the others.
+    /// Errors of a solver in rollouts after the shown history.
     ///
     /// # Errors
-    /// If it can step none, or one of those that it is shown.
+    /// If the solver fails as a whole, or in a frame of the history.
     pub fn compare(&self, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
         let (n, d) = (self.count(), self.system.robot.state_dim());
         let mut batch = Batch::new(&self.system, &self.scenes[0], n);
@@ -99,7 +100,7 @@ impl Pieces {
         }
         for frame in 0..self.before {
             solver.step(&mut batch, &self.torques[frame])?;
-            // As it was, whatever the solver thinks; what remembers takes it for the next frame.
+            // The recorded state replaces the prediction; a solver with memory sees it in the next frame.
             batch.states.copy_from_slice(&self.states[frame + 1]);
         }
         let (first, mut tally) = (&self.states[self.before], Tally::new(&self.system, n));

@@ -1,49 +1,49 @@
-//! Sums over a rollout, for its report.
+//! Sums over rollouts for a [`PassiveReport`].
 
 use super::gaps::{Gaps, quantities};
 use crate::prelude::*;
 
-/// A coordinate beyond this (rad or m) is of a rollout that is gone.
+/// A rollout with a coordinate beyond this (rad or m) is frozen.
 const GONE: f64 = 1e5;
-/// Multiple of the truth's largest speed beyond which a rollout has diverged.
+/// A rollout faster than this multiple of the truth's largest speed has diverged.
 const FAST: f64 = 3.0;
-/// What is slower (rad/s, m/s) has not left, though the truth rests.
+/// The truth's speed (rad/s, m/s) counts as at least this, even at rest.
 const SLOW: f64 = 0.1;
 
-/// Errors of one solver against the truth; figures in the order of [`super::quantities`].
+/// Errors of one solver against the truth. Figures are in the order of [`super::quantities`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveReport {
-    /// Mean |difference| over all steps and trajectories.
+    /// Mean absolute difference over all steps and trajectories.
     pub error: Vec<f64>,
-    /// Standard error of that mean over trajectories.
+    /// Standard error of that mean, over trajectories.
     pub standard_error: Vec<f64>,
-    /// The same mean for the predictor that repeats the start.
+    /// The same mean for a predictor that repeats the start.
     pub hold: Vec<f64>,
-    /// Mean |difference| averaged over the quantities by step, from step 1.
+    /// Mean absolute difference over trajectories and quantities, by step from 1.
     pub curve: Vec<f64>,
-    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed (of one that rests 0.3), or that left 1e5.
+    /// Number of rollouts that failed, left 1e5, or passed three times the truth's largest joint, angular or linear
+    /// speed (at least 0.3).
     pub diverged: usize,
-    /// First step at which a rollout diverged.
+    /// First step with a rollout that failed or left 1e5.
     pub first_divergence: Option<usize>,
-    /// Of those, rollouts that the solver could not continue. They stay where they were, and
-    /// are compared with the truth there.
+    /// Number of rollouts that the solver could not continue. They stay in place and are compared with the truth there.
     #[serde(default)]
     pub failed: usize,
 }
 
-/// What has been seen so far of `n` rollouts.
+/// Sums over the steps so far, of `n` rollouts.
 pub(super) struct Tally {
     gaps: Gaps,
     n: usize,
     width: usize,
     /// Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold.
     sums: [Vec<f64>; 2],
-    /// |difference| of a rollout as it is, or, if it is gone, as it was when it went: it stays in the mean at that.
+    /// Present |difference| by trajectory and quantity; constant once the rollout is frozen.
     last: Vec<f64>,
-    /// Largest speeds: of the truth in any rollout, of the solver by rollout.
+    /// Largest speeds (joint, angular, linear): of the truth over all rollouts, of the solver by rollout.
     fastest: [f64; 3],
     speeds: Vec<[f64; 3]>,
-    /// Steps at which rollouts went, and at which the solver could not go on with them.
+    /// By rollout, the step that froze it, and the step of the solver's first failure.
     gone: Vec<Option<usize>>,
     failed: Vec<Option<usize>>,
     curve: Vec<f64>,
@@ -69,7 +69,8 @@ impl Tally {
         }
     }
 
-    /// Steps all rollouts and adds the step, given the true states after it and those at the start.
+    /// Steps all rollouts and adds their errors. `real` are the true states after the step, `first` the states at the
+    /// start.
     pub(super) fn step(
         &mut self,
         solver: &mut dyn Solver,
@@ -83,7 +84,7 @@ impl Tally {
         for env in 0..self.n {
             let row = env * d..(env + 1) * d;
             if !self.add(env, step, [&real[row.clone()], learned.state(env), &first[row.clone()]]) {
-                // Out of the way of overflow.
+                // Keeps a frozen rollout from overflow.
                 learned.reset(env, &first[row]);
                 solver.reset(env);
             }
@@ -93,7 +94,7 @@ impl Tally {
         Ok(())
     }
 
-    /// Adds a step of a rollout, from the states of the truth, of the solver and of the start; whether the rollout goes on.
+    /// Adds a step of one rollout, from the states of truth, solver and start. Returns whether the rollout goes on.
     fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
         let row = env * self.width..(env + 1) * self.width;
         if self.gone[env].is_none() {

@@ -1,4 +1,4 @@
-//! Shards through burn's autodiff, on any device of burn; for every architecture.
+//! Gradients of shards by burn's autodiff, on any device of burn and for any architecture.
 
 use burn::tensor::Tensor;
 use nerd_model::BurnDevice;
@@ -7,7 +7,7 @@ use nerd_model::program::BurnNetwork;
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;
 
-/// Trains on a device of burn; a card wants the whole batch in one shard ([`Sharded::shards`]).
+/// Trains on a device of burn. A GPU wants the whole batch in one shard ([`Sharded::shards`]).
 pub type BurnLearner = Sharded<Burn>;
 
 pub struct Burn {
@@ -15,7 +15,7 @@ pub struct Burn {
 }
 
 impl Sharded<Burn> {
-    /// Continues `state` on `device` (autodiff is switched on here), in shards of 32 windows on every core.
+    /// Resumes `state` on `device` (autodiff is switched on here), in shards of 32 windows on all cores.
     pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2], device: &BurnDevice) -> Result<Self, LearnError> {
         Self::with(Burn { device: device.clone().autodiff() }, config, state, sets)
     }

@@ -1,5 +1,5 @@
-//! Any network's update on the CPU, over its program ([`nerd_model::program::cpu`]). Equal to burn's ([`super::BurnLearner`]) to
-//! rounding (test), at a fraction of the time.
+//! Gradients of shards on the CPU, over the network's program ([`nerd_model::program::cpu`]). Equal to
+//! [`super::BurnLearner`] up to rounding (test), at a fraction of the time.
 
 use nerd_model::program::cpu::Pass as Tokens;
 
@@ -9,17 +9,17 @@ use crate::prelude::*;
 /// Trains on the CPU.
 pub type CpuLearner = Sharded<Fused>;
 
-/// Networks between two updates, whose memory the next one uses again.
+/// Keeps idle networks with their memory for the next update.
 #[derive(Default)]
 pub struct Fused {
     idle: Mutex<Vec<(Loaded, Memory)>>,
 }
 
 impl Sharded<Fused> {
-    /// Continues `state` on windows to train on and to validate with, in shards of 32 on every core.
+    /// Resumes `state` on training and validation windows, in shards of 32 on all cores.
     ///
     /// # Errors
-    /// If the windows' widths or history are not the network's, a set is empty, or the state's vectors differ in length.
+    /// If shapes of windows and network differ, a set is empty, or the state's vectors differ in length.
     pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> Result<Self, LearnError> {
         Self::with(Fused::default(), config, state, sets)
     }

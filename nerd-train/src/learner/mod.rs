@@ -1,9 +1,9 @@
-//! An optimiser update, on any engine.
+//! Optimiser updates, on any engine.
 //!
-//! Loss: mean over windows, all tokens and all outputs of the squared error in normalised target units, or of its pseudo-Huber
-//! form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`; what is reported is the squared error. Adam
-//! (beta 0.9, 0.999, epsilon 1e-8, no decay), gradient clipped to a global norm, and a moving average of the weights
-//! `a += blend (w - a)` (see [`optimiser::blend`]).
+//! Loss: squared error in normalised target units, or its pseudo-Huber form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`, averaged
+//! over windows, tokens and outputs. Reported losses are the squared error. Update: gradient clipped to a global norm,
+//! then Adam (beta 0.9, 0.999, epsilon 1e-8, no decay) and a moving average of the weights `a += blend (w - a)` (see
+//! [`optimiser::blend`]).
 
 #[cfg(feature = "burn")]
 mod burn;
@@ -20,7 +20,7 @@ pub mod cuda;
 
 use crate::prelude::*;
 
-/// What an update needs beside the learning rate.
+/// Settings of an update, except the learning rate.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LearnerConfig {
     /// Windows in an update (paper: 512).
@@ -31,15 +31,15 @@ pub struct LearnerConfig {
     pub average: f64,
     /// Seed of the window draws.
     pub seed: u64,
-    /// Error, in deviations of a target, around which the loss goes over from squares to a straight line (pseudo-Huber);
-    /// squares alone if none (paper).
+    /// Error, in standard deviations of a target, where the pseudo-Huber loss turns from quadratic to linear; without
+    /// it the loss is quadratic (paper).
     pub huber: Option<f32>,
-    /// What updates the hidden matrices (paper: Adam).
+    /// Optimiser of the hidden matrices (paper: Adam).
     pub optimizer: Optimizer,
 }
 
 impl LearnerConfig {
-    /// Refuses what no update can be made with.
+    /// Refuses settings outside their ranges.
     pub fn check(&self) -> Result<(), String> {
         within("batch", self.batch as f64, 1.0..=1e6, "")?;
         within("clip", self.clip.into(), 1e-9..=1e9, "")?;
@@ -48,7 +48,7 @@ impl LearnerConfig {
     }
 }
 
-/// What updates the hidden matrices; everything else is always Adam's.
+/// Optimiser of the hidden matrices; all other parameters use Adam.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Optimizer {
@@ -59,14 +59,14 @@ pub enum Optimizer {
     Muon,
 }
 
-/// Everything a continued run needs; equal states give equal updates.
+/// State of a run; equal states give equal updates.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LearnerState {
-    /// Updates done.
+    /// Number of updates done.
     pub step: u64,
     /// Trained weights.
     pub weights: Weights,
-    /// Their moving average.
+    /// Moving average of the weights.
     pub average: Vec<f32>,
     /// Adam's first moment.
     pub m: Vec<f32>,
@@ -87,7 +87,7 @@ impl LearnerState {
     }
 }
 
-/// Means since they were last asked for.
+/// Means since the last report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     /// Training loss, normalised MSE.
@@ -96,16 +96,16 @@ pub struct Progress {
     pub gradient_norm: f32,
 }
 
-/// Why an update could not be made.
+/// Errors of a learner.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LearnError {
     /// The loss stopped being finite.
     #[error("loss is {loss} at update {step}: lower the learning rate or look at the data")]
     NotFinite {
-        /// Update counted from 0.
+        /// Number of the update, from 0.
         step: u64,
-        /// What it was.
+        /// Its loss.
         loss: f32,
     },
     /// The device or its libraries failed.
@@ -118,24 +118,24 @@ pub enum LearnError {
 
 part!(LearnError);
 
-/// Computes updates on the windows it was given.
+/// Makes updates on the windows that it was given.
 pub trait Learner {
-    /// One optimiser update with learning rate `lr`. May return before the device is done.
+    /// Makes one update with learning rate `lr`. May return before the device is done.
     fn update(&mut self, lr: f32) -> Result<(), LearnError>;
-    /// Puts normalised trajectories of the same shape over those from number `first` on.
+    /// Replaces trajectories from number `first` on by normalised trajectories of the same shape.
     fn replace(&mut self, _first: usize, _fresh: &Windows) -> Result<(), LearnError> {
         Err(LearnError::Mismatch("it learns from motions, no windows can take their places".into()))
     }
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
     fn progress(&mut self) -> Result<Progress, LearnError>;
-    /// Normalised MSE of the averaged weights over `windows` validation windows, drawn by [`validation_rows`].
+    /// Normalised MSE of the averaged weights over about `windows` validation windows, chosen by [`validation_rows`].
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
-    /// A copy of everything a continued run needs; waits for the device.
+    /// A copy of the state; waits for the device.
     fn state(&mut self) -> Result<LearnerState, LearnError>;
 }
 
-/// The windows of a set of `windows` that a validation of `wanted` looks at, on every device the same: at even distances over the
-/// whole set, which trajectories' order does not sort by anything.
+/// Windows of a validation, the same on every device: `wanted` of a set of `windows`, evenly spaced. The order of
+/// trajectories carries no meaning.
 pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
     let count = wanted.clamp(1, windows.max(1)) as u64;
     (0..count).map(|k| (u128::from(k) * windows as u128 / u128::from(count)) as u64).collect()

@@ -1,10 +1,10 @@
-//! Muon for the hidden matrices (K. Jordan and others, 2024): momentum, made orthogonal, as the update.
+//! Muon for the hidden matrices (K. Jordan and others, 2024): the update is orthogonalised momentum.
 //!
-//! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`, so
-//! that an update has the root mean square that Adam's usually has and one learning rate serves both (Liu and others
-//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times
-//! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything but hidden
-//! matrices stays with Adam. Query, key and value count as three matrices.
+//! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`.
+//! So an update has the usual root mean square of Adam's, and one learning rate serves both (Liu and others 2025, arXiv
+//! 2502.16982). `NS` divides by the Frobenius norm and iterates five times `X <- (a 1 + b A + c A^2) X`, `A = X X^T`,
+//! which drives all singular values to about 1. All other parameters use Adam. Query, key and value count as three
+//! matrices.
 
 use std::ops::Range;
 
@@ -12,17 +12,17 @@ use nalgebra::DMatrix;
 
 use crate::prelude::*;
 
-/// Momentum.
+/// Decay of the momentum.
 pub const MOMENTUM: f32 = 0.95;
-/// Iterations of the orthogonalisation.
+/// Newton-Schulz iterations.
 pub const ITERATIONS: usize = 5;
-/// Its coefficients a, b, c.
+/// Coefficients a, b, c of an iteration.
 pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 
-/// A hidden matrix inside the flat vector, seen with at least as many columns as rows.
+/// A hidden matrix in the flat vector, transposed where needed to have at least as many columns as rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hidden {
-    /// Offset of its first entry.
+    /// Offset of the first entry.
     pub offset: usize,
     /// Row stride in memory.
     pub stride: usize,
@@ -40,13 +40,13 @@ impl Hidden {
         if self.transposed { self.offset + c * self.stride + r } else { self.offset + r * self.stride + c }
     }
 
-    /// Factor between learning rate and orthogonal update.
+    /// Factor from the learning rate to the step along the orthogonal update.
     pub fn gain(&self) -> f32 {
         0.2 * (self.columns as f32).sqrt()
     }
 }
 
-/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection), then all wider ones (the perceptrons').
+/// The hidden matrices of a network: `E x E` (query, key, value, projection), then the wider ones of the perceptrons.
 pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (e, mut offset) = (config.embedding, 0);
     let (mut square, mut wide) = (Vec::new(), Vec::new());
@@ -73,11 +73,11 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     [square, wide]
 }
 
-/// The entries of the flat vector that belong to no hidden matrix, in runs.
+/// Ranges of the flat vector outside all hidden matrices.
 pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     let mut hidden: Vec<Hidden> = hidden(config).concat();
     hidden.sort_by_key(|h| h.offset);
-    // A matrix's entries end at its last one; the three that share `qkv` overlap.
+    // A matrix ends at its last entry. Query, key and value overlap in `qkv`.
     let (mut runs, mut end) = (Vec::new(), 0);
     for h in hidden {
         if h.offset > end {
@@ -89,12 +89,12 @@ pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     runs
 }
 
-/// Makes the Muon part of an update of `state`: hidden matrices, their momentum and average. The gradient comes with the factor that clips
-/// it; the caller counts the update.
+/// The Muon part of an update: hidden matrices, momentum and average. `scale` clips the gradient; the caller counts the
+/// update.
 pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), lr: f32, blend: f32) {
     let all: Vec<Hidden> = hidden(&state.weights.config).concat();
     let m = &state.m;
-    // Each matrix by itself: the same bits on any number of threads.
+    // One task per matrix gives the same bits on any number of threads.
     let updates: Vec<(Vec<f32>, DMatrix<f32>)> = all
         .par_iter()
         .map(|h| {
@@ -116,7 +116,7 @@ pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), l
     }
 }
 
-/// The nearest matrix with orthonormal rows, roughly: singular values come out between about 0.7 and 1.2.
+/// An approximation of the nearest matrix with orthonormal rows. Singular values end between about 0.7 and 1.2.
 pub fn orthogonal(mut x: DMatrix<f32>) -> DMatrix<f32> {
     let [a, b, c] = COEFFICIENTS;
     x /= x.norm() + 1e-7;

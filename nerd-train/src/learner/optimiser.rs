@@ -1,4 +1,4 @@
-//! The optimiser of training and PPO on flat vectors: global-norm clip, Adam, moving average of the weights.
+//! Adam on flat vectors, with global-norm clipping and a moving average of the weights; for training and PPO.
 //!
 //! With t the update counted from 1 and g the clipped gradient,
 //! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
@@ -7,10 +7,10 @@
 use super::muon;
 use crate::prelude::*;
 
-/// Betas of training.
+/// Adam's betas in training.
 pub const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];
 const EPSILON: f32 = 1e-8;
-/// Entries one task handles: four vectors of this length fit in a second-level cache.
+/// Entries of one task. Four vectors of this length fit in a level-2 cache.
 const CHUNK: usize = 1 << 14;
 
 /// Global norm `|g|`, summed in f64.
@@ -20,10 +20,10 @@ pub fn norm(gradient: &[f32]) -> f32 {
     parts.iter().sum::<f64>().sqrt() as f32
 }
 
-/// Share of their distance by which the averaged weights follow the weights after update `step`, counted from 0: the
-/// average's decay d is `(1 + s) / (10 + s)` while that is below `average`; from then on sixteen updates are taken at
-/// once, since in f32 an average stops wherever `blend |w - a|` is below half a unit of its last place: at d = 0.9999
-/// every update, 6e-4 of a weight away from it, which is more than a well-trained network bears.
+/// Weight of the new weights in the moving average after update `step`, counted from 0. The average's decay d is
+/// `(1 + s) / (10 + s)` while that is below `average`. From then on every sixteenth update counts for sixteen. In f32
+/// an average stops once `blend |w - a|` is below half a unit in the last place. With d = 0.9999 in every update, that
+/// is 6e-4 of a weight, too much for a well-trained network.
 pub fn blend(average: f64, step: u64) -> f32 {
     let growing = (1.0 + step as f64) / (10.0 + step as f64);
     match (step + 1) % 16 {
@@ -42,7 +42,7 @@ pub(crate) struct Adam {
 }
 
 impl Adam {
-    /// Update `t`, counted from 1, by a gradient of norm `norm` that is clipped to `most`.
+    /// Update `t`, counted from 1, with a gradient of norm `norm` that is clipped to `most`.
     pub fn new(beta: [f64; 2], t: u64, rate: f64, norm: f32, most: f32) -> Self {
         let corrections = beta.map(|b| 1.0 - b.powf(t as f64));
         Self {
@@ -73,7 +73,7 @@ pub(crate) struct Optimiser {
     pub config: LearnerConfig,
     pub state: LearnerState,
     beta: [f64; 2],
-    /// Sums of losses and of gradient norms, and the number of updates summed.
+    /// Sums of losses and gradient norms since the last report, and the number of updates.
     sums: (f64, f64, u32),
 }
 
@@ -82,7 +82,7 @@ impl Optimiser {
         Self { config, state, beta, sums: (0.0, 0.0, 0) }
     }
 
-    /// Makes an update of the gradient, and counts it.
+    /// Makes one update, and counts it.
     pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> Result<(), LearnError> {
         let norm = norm(gradient);
         if !loss.is_finite() || !norm.is_finite() {
@@ -101,8 +101,8 @@ impl Optimiser {
     }
 }
 
-/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one update of `state` and counts it: Adam for all
-/// entries, or for those that Muon leaves.
+/// Clips `gradient` (of norm `norm`) to `config.clip`, makes one update of `state` and counts it. Adam updates all
+/// entries, or with Muon all entries outside hidden matrices.
 ///
 /// # Panics
 /// If `gradient` is shorter than the weights.

@@ -1,9 +1,8 @@
-//! An update on the CPU, in shards.
+//! Updates on the CPU, with the batch cut into shards.
 //!
-//! An update cuts its batch in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its
-//! bent form, so the shards' losses and gradients add up to the batch mean's. Shards keep all cores busy, and a small
-//! shard's activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of
-//! threads.
+//! Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its pseudo-Huber form, so shards add up to loss and
+//! gradient of the batch. Shards keep all cores busy, and the activations of a small shard stay in the cache. Gradients
+//! are added in shard order, so the result does not depend on the number of threads.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -11,19 +10,21 @@ use super::optimiser::{self, Optimiser};
 use crate::prelude::*;
 use crate::windows::draw;
 
+/// Windows in a shard, unless set by [`Sharded::shards`].
 const SHARD: usize = 32;
-/// Entries of a gradient one task adds up.
+/// Gradient entries that one task sums over the shards.
 const SUM: usize = 1 << 14;
 
-/// How the errors of a shard and their gradient come about.
+/// Computes errors and gradients of a shard.
 pub trait Pass: Sync {
     type Worker;
     /// A network with these weights, for gradients or for errors alone.
     fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker;
-    /// Its thread needs it no more.
+    /// Takes the worker back when its thread ends.
     fn rest(&self, _: Self::Worker) {}
+    /// Sum of the squared errors.
     fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
-    /// Sum of the squared errors, and the gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
+    /// Sum of the squared errors, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
     fn gradient(&self, worker: &mut Self::Worker, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError>;
 }
 
@@ -36,7 +37,7 @@ pub struct Shard {
     pub y: Vec<f32>,
 }
 
-/// Trains by [`Pass`]; the optimiser runs on the CPU over the flat vectors of [`LearnerState`].
+/// Trains with shards of a [`Pass`]. The optimiser runs on the CPU, on the flat vectors of [`LearnerState`].
 pub struct Sharded<P> {
     pass: P,
     optimiser: Optimiser,
@@ -54,13 +55,13 @@ impl<P: Pass> Sharded<P> {
         Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads })
     }
 
-    /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
+    /// Sets the shard size and the number of threads. A GPU wants the whole batch in one shard on one thread.
     pub fn shards(mut self, windows: usize, threads: usize) -> Self {
         (self.shard, self.threads) = (windows.max(1), threads.max(1));
         self
     }
 
-    /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
+    /// Squared error, and gradient of the loss before clipping, over the training windows `rows`.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
         let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
@@ -77,10 +78,10 @@ impl<P: Pass> Sharded<P> {
         Ok((loss, total))
     }
 
-    /// `work` on every shard of `rows`, on several threads; the results are in shard order.
+    /// Runs `work` on every shard of `rows` on several threads. Results are in shard order.
     ///
-    /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
-    /// another shard there. Each thread has its own network, so that autodiff graphs share nothing.
+    /// Plain threads, not rayon tasks: burn waits inside its locks, and a waiting rayon thread might start another
+    /// shard there. Each thread has its own network, so that autodiff graphs share nothing.
     fn sharded<T: Send>(
         &self,
         weights: &Weights,
@@ -103,7 +104,7 @@ impl<P: Pass> Sharded<P> {
             }
         };
         let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
-            // Where no more threads can be had, those that there are do it all.
+            // If a thread cannot be started, the others do its work.
             let other = |_| std::thread::Builder::new().spawn_scoped(scope, thread).ok();
             let others: Vec<_> = (1..self.threads.min(shards.len())).map_while(other).collect();
             let mut done = thread()?;
@@ -147,7 +148,7 @@ impl<P: Pass> Learner for Sharded<P> {
     }
 }
 
-/// Squared errors in a mean over `windows` windows.
+/// Number of squared errors in a mean over `windows` windows.
 fn values(set: &Windows, windows: usize) -> f64 {
     (windows * set.history * set.outputs) as f64
 }

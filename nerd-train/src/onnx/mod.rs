@@ -1,5 +1,5 @@
-//! A policy as ONNX, for whoever has a runtime of it: what the robot sees in, mean actions within [-1, 1] out, with a contract beside it
-//! ([`Contract`]) that says what the numbers are.
+//! Export of a policy as ONNX: observations in, mean actions within [-1, 1] out. A contract in a second file describes
+//! both ([`Contract`]).
 //!
 //! The graph is [`Policy::answer`] and [`crate::ppo::Actor::mean`] in f32:
 //!
@@ -7,8 +7,9 @@
 //! frames ─ newest, differences ─ (x - mean) / scale ─ clip to 5 ─ Gemm, activation, ... Gemm ─ clip to 1 ─ action
 //! ```
 //!
-//! Its input is `observation` `[batch, numbers]`, or `observations` `[batch, frames, numbers]`, the newest first, of a policy that sees
-//! several: at the start of an episode all of them are the first. What is not asked of a policy that acts, value and spread, is left out.
+//! The input is `observation` `[batch, numbers]`, or for stacked observations `observations`
+//! `[batch, frames, numbers]`, newest first. At the start of an episode all frames are the first observation. Value and
+//! spread are left out.
 
 mod contract;
 mod law;
@@ -25,12 +26,12 @@ use wire::Message;
 pub use contract::Contract;
 pub use terms::{Action, Law, Seen};
 
-/// Version of the operators, and of the format: the oldest that have all that is needed, so that old runtimes read it. GELU came late.
+/// Versions of operator set and file format: the oldest that suffice, for old runtimes. GELU needs newer ones.
 fn versions(f: Activation) -> [u64; 2] {
     if f == Activation::Gelu { [20, 9] } else { [13, 7] }
 }
 
-/// Kinds of numbers of a tensor.
+/// Data types of ONNX tensors.
 const FLOAT: u64 = 1;
 const INT64: u64 = 7;
 
@@ -53,7 +54,7 @@ impl Graph {
         self.constant(name, INT64, &[1], (x as i64).to_le_bytes().into());
     }
 
-    /// `output = operator(inputs)`, with its `axis` if it has one.
+    /// Adds the node `output = operator(inputs)`, with the attribute `axis` if given.
     fn node(&mut self, operator: &str, inputs: &[&str], output: &str, axis: Option<u64>) {
         self.0.message(1, |node| {
             inputs.iter().for_each(|input| _ = node.bytes(1, input));
@@ -62,7 +63,7 @@ impl Graph {
         });
     }
 
-    /// What goes in (field 11) or comes out (12), of any number of rows.
+    /// Adds an input (field 11) or output (field 12) of shape `[batch, shape..]`.
     fn port(&mut self, field: u64, name: &str, shape: &[usize]) {
         let sizes = |sizes: &mut Message| {
             sizes.message(1, |size| _ = size.bytes(2, "batch"));
@@ -79,7 +80,7 @@ fn input(policy: &Policy) -> (&'static str, Vec<usize>) {
     if depth == 1 { ("observation", vec![width]) } else { ("observations", vec![depth, width]) }
 }
 
-/// The model's file.
+/// The ONNX file of a policy.
 pub fn model(policy: &Policy) -> Vec<u8> {
     let (shape, mut graph) = (&policy.shape, Graph::default());
     let (seen, sizes) = input(policy);
@@ -112,7 +113,7 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     let (widths, mut at) = (shape.widths(), 0);
     for (layer, pair) in widths.windows(2).enumerate() {
         let (from, to, last) = (pair[0], pair[1], layer + 2 == widths.len());
-        // Of the last layer the mean action alone.
+        // The last layer keeps only the mean action.
         let kept = if last { shape.action } else { to };
         let [weight, bias, sum, out] = ["weight", "bias", "sum", "out"].map(|what| format!("layer{layer}.{what}"));
         let rows = policy.flat[at..at + from * to].chunks_exact(to);
@@ -140,10 +141,10 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     model.0
 }
 
-/// As the file has it.
+/// Name of the producer in the file.
 const PRODUCER: &str = "nerd-train";
 
-/// Writes the model, and its contract beside it: the same name with the ending `json`.
+/// Writes the ONNX file to `out`, and the contract to the same name with the extension `json`.
 ///
 /// # Errors
 /// If a file cannot be written, or `out` is the contract's own name.
@@ -152,7 +153,7 @@ pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> 
     if beside == out {
         refuse!("--out {}: the contract will be there; name the model otherwise, as policy.onnx", out.display());
     }
-    // Its producer comes first.
+    // An ONNX file from here has the producer's name near its start.
     replaceable(out, |bytes| bytes.windows(PRODUCER.len()).take(100).any(|at| at == PRODUCER.as_bytes()))
         .and_then(|()| replaceable(&beside, |_| has_keys(&beside, &["onnx_sha256", "policy_sha256"])))
         .map_err(|e| Error::Refused(format!("--out: {e}")))?;

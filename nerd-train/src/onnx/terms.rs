@@ -1,4 +1,4 @@
-//! What observations and actions are made of.
+//! Entries of observations and actions, and the law from actions to torques.
 
 use crate::prelude::*;
 
@@ -6,15 +6,15 @@ use crate::prelude::*;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Seen {
-    /// What is observed; none: a number of the task's own, known by its place alone.
+    /// The observed quantity; none for a number defined by the task, known only by its place.
     pub quantity: Option<String>,
-    /// Of which joint, axis or number.
+    /// Joint, axis or index of the quantity.
     pub of: String,
     /// Unit of the quantity.
     pub unit: String,
     /// Factor.
     pub scale: f64,
-    /// What is added.
+    /// Offset.
     pub offset: f64,
 }
 
@@ -24,19 +24,19 @@ pub struct Seen {
 pub enum Law {
     /// `tau = scale a`.
     Torque,
-    /// `tau = kp (target - q) - kd qd`, kept within `torque` if there is one, anew each frame.
+    /// `tau = kp (target - q) - kd qd`, computed once per frame, limited to `torque_limit` if given.
     Position {
-        /// Whether the target is `q + scale a`, and not `default + scale a`.
+        /// Whether the target is `q + scale a`; else `default_q + scale a`.
         relative: bool,
-        /// Whether q and qd are those that the robot without contact will have a frame h later, linearised: with mass matrix M (armature
-        /// included) and bias b, `(M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - b`,
-        /// `tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)`. A law that is computed at 1 kHz or more needs no such thing.
-        ahead: bool,
-        /// Whether the law goes on acting inside the frame with the target that it began with, as a motor's own loop at 1 kHz or more does.
+        /// Whether q and qd are predicted a frame h ahead, linearised and without contact. With mass matrix M (armature
+        /// included) and bias forces b: `(M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - b`,
+        /// `tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)`. At 1 kHz or more no prediction is needed.
+        stable_pd: bool,
+        /// Whether the law also acts inside the frame with a constant target, like a motor's inner loop.
         #[serde(default)]
         servo: bool,
     },
-    /// The task's own term, in a form not listed here.
+    /// A law of the task in a form not listed here.
     Own,
 }
 
@@ -44,20 +44,20 @@ pub enum Law {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Action {
-    /// The joint that it acts at; empty under the task's own law.
+    /// The actuated joint; empty for [`Law::Own`].
     pub joint: String,
-    /// Unit of what an action of 1 is `scale` of: the torque, or the target's distance.
+    /// Unit of `scale`: of a torque, or of a target's distance.
     pub unit: String,
-    /// What an action of 1 is.
+    /// Torque or distance for an action of 1.
     pub scale: f64,
     /// Default position of the joint (rad or m).
-    pub default: f64,
+    pub default_q: f64,
     /// Stiffness (N m/rad or N/m).
     pub kp: f64,
     /// Damping (N m s/rad or N s/m).
     pub kd: f64,
-    /// Largest torque (N m) or force (N) that the law gives; none: it sets no bound.
-    pub torque: Option<f64>,
-    /// What the robot's file says that the drive can give at most (N m or N).
+    /// Limit of the law's torque (N m) or force (N); none if the law has no limit.
+    pub torque_limit: Option<f64>,
+    /// Effort limit in the robot's file (N m or N).
     pub effort: Option<f64>,
 }

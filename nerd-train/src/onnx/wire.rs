@@ -1,7 +1,7 @@
-//! Protocol Buffers' wire format, as much as a writer of ONNX needs: a crate for it would bring a compiler of schemas or thousands of
-//! generated lines for the seven messages that are written here.
+//! Protocol Buffers wire format, as far as an ONNX writer needs it. A crate would bring a schema compiler or thousands
+//! of generated lines, for seven messages.
 
-/// A message, as its fields are put in.
+/// A message with the fields written so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Message(pub Vec<u8>);
 
@@ -29,7 +29,7 @@ impl Message {
         self
     }
 
-    /// A message, written by `write`.
+    /// A nested message, written by `write`.
     pub fn message(&mut self, field: u64, write: impl FnOnce(&mut Self)) -> &mut Self {
         let mut inner = Self::default();
         write(&mut inner);

@@ -1,49 +1,60 @@
-//! The simulator that a policy acts in: a truth, or a model of one.
+//! The solver that a policy trains or plays in: a truth, a learned model, or another solver.
 
-#[cfg(feature = "cuda")]
-use nerd_sim::articulated::device::Real;
 use nerd_sim::{rig::LATEST, vary};
 
 use super::*;
 use crate::device::Device;
-#[cfg(feature = "cuda")]
-use crate::learner::cuda::Precision;
+use crate::shipped;
+use crate::spec::{NeuralSpec, SolverSpec};
 
-/// Makes a solver of the caller's own for a system in a scene.
+/// Makes a caller's solver for a system in a scene.
 pub type Make = dyn Fn(&Arc<System>, &Arc<Scene>) -> Result<Box<dyn Solver>> + Send + Sync;
 
-/// What episodes run on.
+/// Solver of episodes.
 #[derive(Clone)]
 pub enum Arena {
-    /// A solver that models are learned from.
-    Truth(Truth),
-    /// A learned one.
-    Model {
-        /// The model's folder.
-        folder: PathBuf,
-        /// Where its network is computed.
-        device: Device,
-    },
-    /// A truth, with robots of a family ([`vary`]) in place of the task's, in each environment another one for good; on a GPU in 32 bits.
-    Family(Truth, Arc<System>, Device),
-    /// An analytic solver that is not a truth. The reference simulator's preset acts on its own robot, `NAME-paper`.
-    Judge(Setting),
-    /// An analytic solver that keeps its batch on a GPU.
-    #[cfg(feature = "cuda")]
-    Card(Setting),
+    /// A solver by its text; it steps the task's robot.
+    Solver(SolverSpec),
+    /// The truth `paper`: the reference simulator's method on its own robot, `NAME-paper`.
+    Reference(SolverSpec),
+    /// A solver with robots of a family ([`vary`]): each environment keeps one drawn robot.
+    Family(SolverSpec, Arc<System>),
     /// A solver of the caller's own, by its name.
     Guest(String, Arc<Make>),
 }
 
+impl From<Truth> for Arena {
+    fn from(truth: Truth) -> Self {
+        if truth == Truth::Paper { Self::Reference(truth.into()) } else { Self::Solver(truth.into()) }
+    }
+}
+
 impl Arena {
-    /// The truth of a family for a task.
+    /// The arena of a task. `neural` without a folder takes the task's shipped model, else the robot's.
     ///
     /// # Errors
-    /// If nothing of it is drawn, it is of another robot than the task, or the truth is not on that device.
-    pub fn family(task: &str, name: &str, truth: Truth, device: Device) -> Result<Self> {
+    /// If there is no such model, or this build has no such device.
+    pub fn of(spec: SolverSpec, task: &dyn Task) -> Result<Self> {
+        spec.device().check()?;
+        let SolverSpec::Neural(NeuralSpec { folder: None, device }) = spec else { return Ok(Self::Solver(spec)) };
+        let folder = shipped::model_of_task(task.name(), &task.system()?.name);
+        if !folder.join("config.json").exists() {
+            refuse!("{}: there is no model: train one (`cargo xtask train`), name one with --model", folder.display());
+        }
+        Ok(Self::Solver(SolverSpec::neural(folder).on(device)))
+    }
+
+    /// Robots of a family for a task.
+    ///
+    /// # Errors
+    /// If nothing of it is drawn, it is of another robot than the task, or the solver is none for robots that differ.
+    pub fn family(task: &str, name: &str, solver: SolverSpec) -> Result<Self> {
+        let device = solver.device();
         device.check()?;
-        if device != Device::Cpu && !(device.is_cuda() && truth == Truth::Articulated) {
-            refuse!("--device {device}: robots that differ are on the CPU, and of `articulated` on `cuda`");
+        if solver.is_neural() || !(device == Device::Cpu || device.is_cuda() && solver == SolverSpec::default().on(device)) {
+            refuse!(
+                "{solver}: robots that differ are stepped by analytic solvers on the CPU, and on cuda by `articulated` without settings"
+            );
         }
         let task = named(task)?;
         let family = task.fit(System::named(name)?)?;
@@ -51,66 +62,62 @@ impl Arena {
             refuse!("nothing of `{name}` is drawn; give its TOML a [vary]");
         }
         match family.alike(&*task.system()?) {
-            Ok(()) => Ok(Self::Family(truth, family, device)),
+            Ok(()) => Ok(Self::Family(solver, family)),
             Err(reason) => refuse!("`{name}` is no family of `{}`, which {} is a task of: {reason}", task.robot(), task.name()),
         }
     }
 
-    /// In a word, for a folder's name.
+    /// Short name, for folders.
     pub fn word(&self) -> String {
         match self {
-            Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
-            Self::Family(_, family, device) => family.name.clone() + if device.is_cuda() { "-cuda" } else { "" },
-            Self::Model { .. } => "neural".into(),
-            Self::Judge(setting) => setting.to_string().replace(' ', "-"),
-            #[cfg(feature = "cuda")]
-            Self::Card(setting) => setting.to_string().replace(' ', "-") + "-cuda",
+            Self::Solver(SolverSpec::Neural(_)) => "neural".into(),
+            Self::Solver(spec) | Self::Reference(spec) => dashed(spec),
+            Self::Family(spec, family) => format!("{}-{}", family.name, dashed(spec)),
             Self::Guest(name, _) => name.to_lowercase(),
         }
     }
 
-    /// In words that tell it from any other, settings and all.
+    /// Full name, with all settings.
     pub fn title(&self) -> Result<String> {
         Ok(match self {
-            Self::Truth(truth) => truth.name(),
-            Self::Family(truth, family, device) => {
-                format!("{}{} of {}", truth.name(), if device.is_cuda() { " in 32 bits" } else { "" }, family.name)
-            }
-            Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
-            Self::Judge(setting) => setting.to_string(),
-            #[cfg(feature = "cuda")]
-            Self::Card(setting) => format!("{setting} in 32 bits"),
+            Self::Solver(spec) | Self::Reference(spec) => match spec.folder() {
+                Some(folder) => format!("{spec} of {}", ModelConfig::read(folder)?.truth),
+                None => spec.to_string(),
+            },
+            Self::Family(spec, family) => format!("{spec} of {}", family.name),
             Self::Guest(name, _) => name.clone(),
         })
     }
 
-    /// What it computes, by content: robot, truth or model, whatever their folder is called.
+    /// Identity by content: hashes of robot and model, so that folder names do not matter.
     pub fn identity(&self, system: &System) -> Result<String> {
-        let system = if let Self::Family(_, family, _) = self { family } else { system };
-        let solver = match self {
-            Self::Truth(truth) => truth.name(),
-            Self::Model { folder, .. } => {
+        let system = if let Self::Family(_, family) = self { family } else { system };
+        let solver = match self.spec().and_then(SolverSpec::folder) {
+            Some(folder) => {
                 let ModelConfig { truth, model_sha256, .. } = ModelConfig::read(folder)?;
                 format!("model {} of {truth}", model_sha256.get(..16).unwrap_or("without a hash"))
             }
-            _ => self.title()?,
+            None => self.title()?,
         };
         Ok(format!("{solver}, robot {} {}", system.name, &system.sha256()[..16]))
     }
 
-    /// Whether a step is dear: where small settings pay.
-    pub fn dear(&self) -> bool {
-        matches!(self, Self::Model { device: Device::Cpu, .. })
+    /// Its solver's text, unless it is the caller's own.
+    pub fn spec(&self) -> Option<&SolverSpec> {
+        match self {
+            Self::Solver(spec) | Self::Reference(spec) | Self::Family(spec, _) => Some(spec),
+            Self::Guest(..) => None,
+        }
     }
 
-    /// Whether a GPU takes part, on which policies answer and learn, too.
+    /// Whether a step is dear: where small settings pay.
+    pub fn expensive(&self) -> bool {
+        matches!(self, Self::Solver(SolverSpec::Neural(own)) if own.device == Device::Cpu)
+    }
+
+    /// Whether the solver runs on a GPU; policy and updates then run there too.
     pub fn on_gpu(&self) -> bool {
-        match self {
-            Self::Model { device, .. } | Self::Family(.., device) => device.is_cuda(),
-            #[cfg(feature = "cuda")]
-            Self::Card(_) => true,
-            _ => false,
-        }
+        self.spec().is_some_and(|spec| spec.device().is_cuda())
     }
 
     /// `n` episodes of a task.
@@ -118,7 +125,7 @@ impl Arena {
         self.begin(named(task)?, n, seed)
     }
 
-    /// Settings of a task by PPO: of a file, those called `small` or `paper`, or by what a step here costs.
+    /// PPO settings of a task: from `file`, else by the name `small` or `paper`, else by the cost of a step here.
     pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
@@ -126,13 +133,13 @@ impl Arena {
         }
         match recipe {
             Some("small") => PpoConfig::small(task),
-            // Tasks of a file's own have no run of the paper's to be like.
-            None if self.dear() || !(self.on_gpu() || nerd_tasks::names().contains(&task)) => PpoConfig::small(task),
+            // The paper has no run of a task from a file to reproduce.
+            None if self.expensive() || !(self.on_gpu() || nerd_tasks::names().contains(&task)) => PpoConfig::small(task),
             _ => PpoConfig::of(task),
         }
     }
 
-    /// A run of a task, built-in or not, from random weights, with its policy where the episodes are.
+    /// A run of a task, built-in or not, from random weights. The policy runs on the GPU if the solver does.
     pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64) -> Result<Trainer> {
         let episodes = self.begin(task, config.environments, seed)?;
         #[allow(unused_mut)]
@@ -151,41 +158,44 @@ impl Arena {
         Ok(trainer)
     }
 
-    /// `n` episodes of a task that need not be built in.
+    /// `n` episodes of a task, built-in or not.
     pub fn begin(&self, task: Box<dyn Task>, n: usize, seed: u64) -> Result<Episodes> {
         let system = match self {
-            Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
-            Self::Family(_, family, _) => family.clone(),
+            Self::Family(_, family) => family.clone(),
+            Self::Reference(_) => match task.system()? {
+                own if own.spec.truth == Truth::Paper => own,
+                _ => System::named(&format!("{}-paper", task.robot()))?,
+            },
             _ => task.system()?,
         };
         if n == 0 {
             refuse!("at least one environment is needed");
         }
         let batch = match self {
-            // From other streams than the episodes.
+            // The inverted seed keeps robot parameters and episodes on different streams.
             Self::Family(..) => vary::batch(&system, task.scene(), n, !seed)?,
             _ => Batch::new(&system, &system.scene(task.scene())?, n),
         };
-        // And how many frames back its next step depends on.
-        let (solver, memory): (Box<dyn Solver>, usize) = match self {
-            Self::Truth(truth) => (truth.solver(&system), 0),
-            #[cfg(feature = "cuda")]
-            Self::Family(.., device) if device.is_cuda() => {
-                (crate::device::resident(&Setting::Accurate, &system, Real::F32, Precision::F16)?, LATEST as usize + 1)
+        // `memory`: past frames that the next step depends on.
+        let (solver, memory) = match self {
+            Self::Solver(spec) | Self::Reference(spec) => {
+                let spec = spec.clone().found(&system)?;
+                let reach = match spec.folder() {
+                    Some(folder) => Model::load(folder, &system, None)?.config.network.reach(),
+                    None => 0,
+                };
+                (spec.solver(&system, n)?, reach)
             }
-            Self::Family(truth, ..) => (truth.solver(&system), LATEST as usize + 1),
-            Self::Model { folder, device } => {
-                let model = Model::load(folder, &system, None)?;
-                let reach = model.config.network.reach();
-                (device.solver(model, &system, n)?, reach)
-            }
-            Self::Judge(setting) => (setting.solver(&system)?, 0),
-            #[cfg(feature = "cuda")]
-            Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F16)?, 0),
+            Self::Family(spec, _) => (spec.solver(&system, n)?, LATEST as usize + 1),
             Self::Guest(_, make) => (make(&system, &batch.scenes[0])?, 0),
         };
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         episodes.remember(memory);
         Ok(episodes)
     }
+}
+
+/// A solver's text in letters, digits and dashes.
+fn dashed(spec: &SolverSpec) -> String {
+    spec.to_string().split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
 }

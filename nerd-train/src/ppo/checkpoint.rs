@@ -1,13 +1,14 @@
-//! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit, in a streaming network's
-//! simulator to its rounding (see `nerd_tasks::Episodes::remember`).
+//! Checkpoints of a run: one safetensors file, replaced atomically. A run continues from it bit by bit; with a
+//! streaming network as simulator, to rounding (see `nerd_tasks::Episodes::remember`).
 //!
-//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is stored.
+//! Noise, permutations and resets are drawn by number (iteration, step, episode), so no generator state is stored.
 
 use super::folder::{get, put};
 use super::*;
+use nerd_sim::files::renamed::{self, Kind};
 
 impl Trainer {
-    /// Writes where the run is; `run` is whatever else the caller wants to find again.
+    /// Writes a checkpoint; `run` identifies the run and is compared on resuming.
     pub fn save(&mut self, path: &Path, run: &str) -> Result<()> {
         let state = &self.state;
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
@@ -20,7 +21,7 @@ impl Trainer {
         file.put_f32("adam.m", &[state.adam.m.len()], &state.adam.m);
         file.put_f32("adam.v", &[state.adam.v.len()], &state.adam.v);
         file.put_u64("counts", &[state.iteration, state.adam.step, self.seed]);
-        file.put_f64("rate", [state.adam.rate]);
+        file.put_f64("rate", [state.adam.learning_rate]);
         file.put_f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
         let reals: [(&str, &[f64]); 7] = [
             ("running.stack", &state.running.stack.rows),
@@ -41,24 +42,27 @@ impl Trainer {
         file.save(path)
     }
 
-    /// What the run is known by, as JSON.
+    /// Identity of the run, as JSON.
     pub(super) fn whole(&self, run: &str) -> String {
         whole(&self.config, run, self.seed)
     }
 
-    /// Goes on where the file's run was. What `run` was at [`Self::save`] must be the same now.
+    /// Continues the run of a checkpoint; `run` must equal the one given to [`Self::save`].
     ///
     /// # Errors
-    /// If the file is no checkpoint, or a checkpoint of another run; then nothing has changed but, at worst, the episodes.
+    /// If the file is no checkpoint, or belongs to another run. Then only episodes and engine may have changed.
     pub fn resume(&mut self, path: &Path, run: &str) -> Result<()> {
         let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
-        let config: PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e))?;
+        let mut config = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e))?;
+        let old = renamed::json(Kind::Ppo, &mut config).map_err(|e| file.wrong(e))?;
+        renamed::note(&path.display().to_string(), old);
+        let config: PpoConfig = serde_json::from_value(config).map_err(|e| file.wrong(e))?;
         let (begun, wanted) = (config.iterations, self.config.iterations);
         if self.config.algorithm == Algorithm::Shac && begun != wanted {
             return Err(file.wrong(format!("SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}")));
         }
-        // Any other may be made longer.
+        // Other runs may change their number of iterations.
         let config = PpoConfig { iterations: self.config.iterations, ..config };
         let (found, asked) = (whole(&config, file.word("run")?, counts[2]), self.whole(run));
         if found != asked {
@@ -74,7 +78,7 @@ impl Trainer {
         let weights = Some(state.adam.m.len());
         (state.adam.m, state.adam.v) = (file.f32("adam.m", weights)?, file.f32("adam.v", weights)?);
         (state.iteration, state.adam.step) = (counts[0], counts[1]);
-        state.adam.rate = file.f64("rate", Some(1))?[0];
+        state.adam.learning_rate = file.f64("rate", Some(1))?[0];
         state.recent = file.f64("recent", None)?.as_chunks().0.iter().map(|[a, b]| (*a, *b)).collect();
         let (n, running) = (self.config.environments, &mut state.running);
         running.stack.rows = file.f64("running.stack", Some(running.stack.rows.len()))?;
@@ -97,12 +101,12 @@ impl Trainer {
     }
 }
 
-/// All that decides what a run comes to.
+/// Everything that determines the result of a run, as JSON.
 fn whole(config: &PpoConfig, run: &str, seed: u64) -> String {
     serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string()
 }
 
-/// What changed between runs that differ by a hash alone: of the task, `task HASH of ..`, or of the robot, the last word.
+/// The cause if two identities differ by a hash alone: the task's (`task HASH of ..`) or the robot's (last word).
 fn changed(was: &str, now: &str) -> Option<&'static str> {
     let (was, now) = (was.split(' ').collect::<Vec<_>>(), now.split(' ').collect::<Vec<_>>());
     let apart: Vec<usize> = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect();

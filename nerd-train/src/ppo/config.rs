@@ -1,22 +1,23 @@
-//! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
+//! Hyperparameters, named as in CleanRL and rsl_rl, with the paper's values for every task.
 
 use nerd_model::program::Activation;
+use nerd_sim::files::renamed::{self, Kind};
 
 use crate::prelude::*;
 
-/// How a policy learns.
+/// Training algorithm of a policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Algorithm {
-    /// From samples: proximal policy optimisation.
+    /// Proximal policy optimisation, from samples.
     #[default]
     Ppo,
-    /// From slopes: short-horizon actor-critic ([`super::Shac`]).
+    /// Short-horizon actor-critic, from gradients of the simulator ([`super::Shac`]).
     Shac,
 }
 
 impl Algorithm {
-    /// Their names, as serde has them.
+    /// Their names in files, as serde writes them.
     pub const WORDS: &[&str] = &["ppo", "shac"];
 
     fn usual(&self) -> bool {
@@ -24,67 +25,70 @@ impl Algorithm {
     }
 }
 
-/// As policies were before there was a choice: their settings stay as they are written.
-fn whole(spread: &f32) -> bool {
-    *spread == 1.0
+/// Whether `init_noise_std` is the default 1. The default is not serialised: settings of older runs keep their text.
+fn whole(std: &f32) -> bool {
+    *std == 1.0
 }
 
-/// Settings that PPO alone has a use for.
-const OF_PPO: [&str; 9] = ["stack", "spread_by_state", "spread", "clip", "value_clip", "critic", "entropy", "bounds", "kl"];
+/// Keys of older runs' files, constants since.
+pub(super) const FORMER: [&str; 6] = ["lambda", "critic", "gradient_norm", "gae_lambda", "vf_coef", "max_grad_norm"];
 
-/// Settings of a run; what a file leaves out is [`PpoConfig::default`].
+/// Keys that only PPO uses.
+const OF_PPO: [&str; 8] =
+    ["stack", "state_dependent_std", "init_noise_std", "clip_coef", "value_clip", "ent_coef", "bounds_coef", "target_kl"];
+
+/// Settings of a run; keys missing in a file take the values of [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
-    /// How it learns; SHAC has no use for `stack`, `spread_by_state`, `spread`, `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
+    /// Algorithm. SHAC has no use for `stack`, `state_dependent_std`, `init_noise_std`, `clip_coef`, `value_clip`,
+    /// `ent_coef`, `bounds_coef` and `target_kl`. Default: ppo.
     #[serde(skip_serializing_if = "Algorithm::usual")]
     pub algorithm: Algorithm,
     /// Environments. Default: 256.
     pub environments: usize,
-    /// Steps of every environment in one iteration. Default: 32.
+    /// Horizon: steps of every environment in one iteration. Default: 32.
     pub horizon: usize,
     /// Iterations of the run. Default: 100.
     pub iterations: u64,
-    /// Steps in a minibatch, at most those of an iteration. Default: 2048, or all.
+    /// Steps in a minibatch, at most all steps of an iteration. Default: 2048, or all.
     pub minibatch: usize,
     /// Passes over an iteration's steps. Default: 5.
     pub epochs: usize,
-    /// Widths of the hidden layers, which policy and value share. Default: 64, 64.
+    /// Widths of the hidden layers, shared by policy and value. Default: 64, 64.
     pub hidden: Vec<usize>,
-    /// Between them. Default: tanh.
+    /// Activation between layers. Default: tanh.
     pub activation: Activation,
-    /// Observations that the network sees, the newest first; more than one serve as memory. Default: 1.
+    /// Stacked observations in the network's input, the newest first; more than 1 serve as memory. Default: 1.
     pub stack: usize,
-    /// Whether the spread of actions is an output of the network; else it is a parameter. Default: false.
-    pub spread_by_state: bool,
-    /// First spread of actions. Default: 1.
+    /// Whether the log standard deviation of actions is an output of the network; else it is a parameter. Default:
+    /// false.
+    pub state_dependent_std: bool,
+    /// Initial standard deviation of actions. Default: 1.
     #[serde(skip_serializing_if = "whole")]
-    pub spread: f32,
-    /// Discount a step. Default: 0.99.
+    pub init_noise_std: f32,
+    /// Discount gamma per step. Default: 0.99.
     pub gamma: f64,
-    /// Lambda of the advantage estimation. Default: 0.95.
-    pub lambda: f64,
-    /// How far the ratio of probabilities may move from that of the rollout. Default: 0.2.
-    pub clip: f32,
-    /// How far the (normalised) value may; 0 leaves it free. The reference's is 0.2, which learns the Ant's running no faster
-    /// (after 60 iterations, one seed: 1321 against 1422; held to values in moments that have moved on, 723). Default: 0.
+    /// Clip range of the probability ratio around 1. Default: 0.2.
+    pub clip_coef: f32,
+    /// Clip range of the normalised value around the rollout's value; 0 disables it. rl_games uses 0.2, which trains
+    /// the Ant's running no faster: 1321 against 1422 after 60 iterations, one seed. Clipped around values in updated
+    /// moments it reaches 723. Default: 0.
     pub value_clip: f32,
-    /// Weight of the value's loss. Default: 4.
-    pub critic: f32,
-    /// Weight of the entropy. Default: 0.
-    pub entropy: f32,
+    /// Weight of the entropy bonus. Default: 0.
+    pub ent_coef: f32,
     /// Weight of the loss on mean actions beyond +-1.1. Default: 1e-4.
-    pub bounds: f32,
-    /// Largest global norm of the gradient. Default: 1.
-    pub gradient_norm: f32,
-    /// First learning rate. Default: 3e-4.
-    pub rate: f64,
-    /// Divergence of two passes' policies that the learning rate is held at: above twice this it falls, below half of it it
-    /// rises, by 1.5, within 1e-6 and 1e-2. 0 leaves the rate alone. Default: 0.008.
-    pub kl: f64,
+    pub bounds_coef: f32,
+    /// Initial learning rate. Default: 3e-4.
+    pub learning_rate: f64,
+    /// Target KL divergence between the policies of two successive passes. Above twice the target the learning rate
+    /// falls by a factor of 1.5, below half the target it rises. It stays within 1e-6 and 1e-2. 0 keeps the learning
+    /// rate constant. Default: 0.008.
+    pub target_kl: f64,
 }
 
-/// What all tasks of the paper share, and sizes for a small task of one's own: seconds an iteration at most, on any machine.
+/// Values shared by all tasks of the paper, and sizes for a small task: an iteration takes seconds at most, on any
+/// machine.
 impl Default for PpoConfig {
     fn default() -> Self {
         Self {
@@ -97,41 +101,38 @@ impl Default for PpoConfig {
             hidden: vec![64, 64],
             activation: Activation::Tanh,
             stack: 1,
-            spread_by_state: false,
-            spread: 1.0,
+            state_dependent_std: false,
+            init_noise_std: 1.0,
             gamma: 0.99,
-            lambda: 0.95,
-            clip: 0.2,
+            clip_coef: 0.2,
             value_clip: 0.0,
-            critic: 4.0,
-            entropy: 0.0,
-            bounds: 1e-4,
-            gradient_norm: 1.0,
-            rate: 3e-4,
-            kl: 0.008,
+            ent_coef: 0.0,
+            bounds_coef: 1e-4,
+            learning_rate: 3e-4,
+            target_kl: 0.008,
         }
     }
 }
 
-/// Shipped settings by the beginning of a task's name: the paper's, and those for where steps are dear.
+/// Shipped settings by prefix of the task's name: the paper's, then small ones for expensive steps.
 const FILES: [(&str, [&str; 2]); 6] = [
     ("cartpole-", [include_str!("../../assets/ppo/cartpole.toml"), include_str!("../../assets/ppo/cartpole-small.toml")]),
     ("franka-", [include_str!("../../assets/ppo/franka.toml"), include_str!("../../assets/ppo/franka-small.toml")]),
     ("ant-", [include_str!("../../assets/ppo/ant.toml"), include_str!("../../assets/ppo/ant-small.toml")]),
     ("anymal-", [include_str!("../../assets/ppo/anymal.toml"), include_str!("../../assets/ppo/anymal-small.toml")]),
     ("lead-", [include_str!("../../assets/ppo/lead.toml"), include_str!("../../assets/ppo/lead-small.toml")]),
-    // Of tasks from files.
+    // Tasks from files.
     ("", [include_str!("../../assets/ppo/file.toml"), include_str!("../../assets/ppo/file-small.toml")]),
 ];
 
-/// Shipped settings of SHAC; the last are those of all other tasks.
+/// Shipped settings of SHAC by prefix of the task's name; the last one serves all other tasks.
 const SHAC: [(&str, &str); 3] = [
     ("ant-", include_str!("../../assets/ppo/ant-shac.toml")),
     ("anymal-", include_str!("../../assets/ppo/anymal-shac.toml")),
     ("cartpole-", include_str!("../../assets/ppo/cartpole-shac.toml")),
 ];
 
-/// Whether a task comes with the project, robot and all; refused is one that there is not.
+/// Whether a task and its robot come with the project; an unknown task is an error.
 fn built_in(task: &str) -> Result<bool> {
     let own = nerd_tasks::names().contains(&task);
     if !own {
@@ -141,19 +142,20 @@ fn built_in(task: &str) -> Result<bool> {
 }
 
 impl PpoConfig {
-    /// Fewer environments and more updates a step than the paper's: for a learned simulator on the CPU.
+    /// Small settings for a task: fewer environments and more updates per step than the paper's, for a learned
+    /// simulator on the CPU.
     pub fn small(task: &str) -> Result<Self> {
         Self::shipped(task, 1)
     }
 
-    /// SHAC's for a task.
+    /// SHAC settings for a task.
     pub fn shac(task: &str) -> Result<Self> {
         let own = built_in(task)?;
         let found = SHAC.iter().find(|f| own && task.starts_with(f.0)).unwrap_or(&SHAC[SHAC.len() - 1]);
         Self::from_text(found.1)
     }
 
-    /// The paper's for a task.
+    /// The paper's settings for a task.
     pub fn of(task: &str) -> Result<Self> {
         Self::shipped(task, 0)
     }
@@ -164,12 +166,14 @@ impl PpoConfig {
         Self::from_text(found.1[which])
     }
 
-    /// From TOML.
+    /// Parses settings from TOML.
     pub fn from_text(text: &str) -> Result<Self> {
         let wrong = |reason: String| Error::Refused(format!("PPO settings: {reason}"));
         let said = |e: toml::de::Error| wrong(e.to_string().trim().replace('\n', " "));
-        let mut config: Self = toml::from_str(text).map_err(said)?;
-        let given: toml::Table = toml::from_str(text).map_err(said)?;
+        let (text, old) = renamed::toml(Kind::Ppo, text).map_err(wrong)?;
+        renamed::note("PPO settings", old);
+        let mut config: Self = toml::from_str(&text).map_err(said)?;
+        let given: toml::Table = toml::from_str(&text).map_err(said)?;
         if !given.contains_key("minibatch") {
             config.minibatch = config.minibatch.min(config.steps().max(1));
         }
@@ -177,7 +181,7 @@ impl PpoConfig {
         Ok(config)
     }
 
-    /// Refuses a setting that was given and means nothing to SHAC.
+    /// Refuses a given key that SHAC does not use.
     fn used(&self, given: impl Fn(&str) -> bool) -> Result<(), String> {
         match OF_PPO.iter().find(|key| self.algorithm == Algorithm::Shac && given(key)) {
             Some(key) => Err(format!("SHAC has no use for `{key}`: leave it out, or train by PPO")),
@@ -190,7 +194,7 @@ impl PpoConfig {
         self.environments.saturating_mul(self.horizon)
     }
 
-    /// Refuses what no run can be made of, or none that memory bears.
+    /// Refuses values outside their ranges, and sizes that no memory holds.
     pub fn check(&self) -> Result<(), String> {
         let [own, usual] = [self, &Self::default()].map(|config| serde_json::json!(config));
         self.used(|key| own[key] != usual[key])?;
@@ -205,16 +209,13 @@ impl PpoConfig {
             ("stack", whole(self.stack, 64)),
             ("layers of hidden", (self.hidden.len() as f64, 0.0..=16.0)),
             ("gamma", (self.gamma, 0.0..=1.0)),
-            ("lambda", (self.lambda, 0.0..=1.0)),
-            ("rate", (self.rate, 1e-12..=1.0)),
-            ("kl", (self.kl, 0.0..=1e3)),
-            ("spread", (self.spread.into(), 1e-3..=1e3)),
-            ("gradient_norm", (self.gradient_norm.into(), 1e-9..=1e9)),
-            ("clip", (self.clip.into(), 0.0..=1e6)),
+            ("learning_rate", (self.learning_rate, 1e-12..=1.0)),
+            ("target_kl", (self.target_kl, 0.0..=1e3)),
+            ("init_noise_std", (self.init_noise_std.into(), 1e-3..=1e3)),
+            ("clip_coef", (self.clip_coef.into(), 0.0..=1e6)),
             ("value_clip", (self.value_clip.into(), 0.0..=1e6)),
-            ("critic", (self.critic.into(), 0.0..=1e6)),
-            ("entropy", (self.entropy.into(), 0.0..=1e6)),
-            ("bounds", (self.bounds.into(), 0.0..=1e6)),
+            ("ent_coef", (self.ent_coef.into(), 0.0..=1e6)),
+            ("bounds_coef", (self.bounds_coef.into(), 0.0..=1e6)),
         ];
         let widths = self.hidden.iter().map(|width| ("hidden", whole(*width, 4096)));
         ranges.into_iter().chain(widths).try_for_each(|(key, (x, range))| within(key, x, range, ""))

@@ -1,20 +1,20 @@
-//! [`OnCpu`]: a policy that answers and learns on the CPU.
+//! [`OnCpu`]: rollouts and PPO updates on the CPU.
 
-use super::loss::surprise;
+use super::loss::neg_log_prob;
 use super::update::update;
 use super::*;
 
-/// On the CPU, which does not fail.
+/// PPO on the CPU.
 #[derive(Default)]
 pub struct OnCpu {
-    /// The rollout so far.
+    /// The present rollout.
     pub rollout: Rollout,
     actor: Option<Actor>,
-    /// Values of the states reached where time ran out, in their order.
+    /// Values of the final states of truncated episodes, in order.
     cut: Vec<f64>,
 }
 
-impl Turns for OnCpu {
+impl StepwiseRollout for OnCpu {
     fn begin(&mut self, policy: &Policy) -> Result<()> {
         self.actor = Some(Actor::new(policy.clone()));
         self.rollout.clear();
@@ -27,7 +27,7 @@ impl Turns for OnCpu {
         let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
         let drawn = drawn(&answer, noise);
         let said = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
-        r.surprise.par_extend(said.map(|((a, mu), s)| surprise(a, mu, s)));
+        r.neg_log_prob.par_extend(said.map(|((a, mu), s)| neg_log_prob(a, mu, s)));
         r.observations.extend_from_slice(rows);
         r.values.extend(actor.policy.values(&answer));
         r.mean.extend(answer.mean);
@@ -53,7 +53,7 @@ impl Turns for OnCpu {
 }
 
 impl Engine for OnCpu {
-    fn roll(&mut self, on: Stage) -> Result<Taken> {
+    fn roll(&mut self, on: RolloutInput) -> Result<RolloutStats> {
         self.turns(on)
     }
 

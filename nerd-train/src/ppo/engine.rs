@@ -1,70 +1,70 @@
-//! What a policy answers on, keeps the steps of a rollout in and learns from them: PPO's `OnCpu`, or a GPU in `CudaEngine`, and `Shac`.
+//! The trait of engines, which roll out and update a policy: PPO's `OnCpu`, `CudaEngine` on a GPU, and `Shac`.
 
 use nerd_tasks::StepResult;
 
 use super::*;
 
-/// What a rollout is made of.
-pub struct Stage<'a> {
-    /// What is stepped.
+/// Inputs of a rollout.
+pub struct RolloutInput<'a> {
+    /// Episodes to step.
     pub episodes: &'a mut Episodes,
-    /// How far they have come.
+    /// State of the running episodes.
     pub running: &'a mut Running,
-    /// Who acts.
+    /// Acting policy.
     pub policy: &'a Policy,
-    /// Horizon, discount.
+    /// Settings, among them horizon and discount.
     pub config: &'a PpoConfig,
-    /// Of the first step; each later one has the next stream.
+    /// Noise stream of the first step; each later step takes the next stream.
     pub noise: StreamKey,
-    /// When it is broken off.
+    /// Limit that breaks the rollout off.
     pub stop: Stop,
 }
 
-/// One rollout after the other, each with its update.
+/// Alternates rollouts and updates.
 pub trait Engine: Send {
-    /// What the update after the next rollout needs beside it may be made from here on; `orders` is the key given to [`Engine::update`].
+    /// May start to prepare the update after the next rollout; `orders` is the key later given to [`Engine::update`].
     fn ahead(&mut self, _config: &PpoConfig, _orders: StreamKey) {}
 
     /// Steps every environment through a horizon.
-    fn roll(&mut self, on: Stage) -> Result<Taken>;
+    fn roll(&mut self, on: RolloutInput) -> Result<RolloutStats>;
 
-    /// All passes over the rollout, by the policy that made it. The order of steps in pass e of iteration i is drawn from a stream of its
-    /// own; `orders` are their seed and the iteration.
+    /// Runs all passes over the last rollout, made by `policy`. Each pass of each iteration draws its permutation of
+    /// steps from a separate stream. `orders` holds the seed of these streams and the iteration.
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated>;
 
-    /// What later steps depend on.
+    /// Snapshot of the episodes, with everything that later steps depend on.
     fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
         Ok(episodes.snapshot())
     }
 
-    /// Goes on where a snapshot was taken.
+    /// Continues from a snapshot.
     fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
         episodes.restore(snapshot)
     }
 
-    /// What it has learned beside the policy, by name.
+    /// Learned vectors beside the policy, by name; checkpoints store them.
     fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
         Ok(Vec::new())
     }
 
-    /// Seconds of the last iteration by part, if it has parts.
+    /// Time of the last iteration by stage (s); empty if stages are not timed.
     fn spent(&self) -> &[(&'static str, f64)] {
         &[]
     }
 }
 
-/// How a step ended in each environment: not (0), in [`TERMINATED`] or in [`TRUNCATED`].
+/// End of a step by environment: 0 (none), [`TERMINATED`] or [`TRUNCATED`].
 pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
     let both = result.terminated.iter().zip(&result.truncated);
     both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) })
 }
 
-/// A rollout by turns of a policy and the episodes: [`Turns::begin`], then [`Turns::act`] and [`Turns::arrive`] by turns, and
-/// [`Turns::finish`].
-pub trait Turns {
+/// A rollout that alternates policy and episodes: [`StepwiseRollout::begin`], then [`StepwiseRollout::act`] and [`StepwiseRollout::arrive`] per step,
+/// then [`StepwiseRollout::finish`].
+pub trait StepwiseRollout {
     /// [`Engine::roll`].
-    fn turns(&mut self, Stage { episodes, running, policy, config, noise, stop }: Stage) -> Result<Taken> {
-        let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
+    fn turns(&mut self, RolloutInput { episodes, running, policy, config, noise, stop }: RolloutInput) -> Result<RolloutStats> {
+        let (mut taken, mut actions, mut reached) = (RolloutStats::default(), Vec::new(), Vec::new());
         let (mut rewards, mut ends) = (Vec::new(), Vec::new());
         self.begin(policy)?;
         for t in 0..config.horizon {
@@ -86,17 +86,18 @@ pub trait Turns {
         Ok(taken)
     }
 
-    /// A rollout of this policy begins; the one before it is forgotten.
+    /// Begins a rollout of this policy and clears the last one.
     fn begin(&mut self, policy: &Policy) -> Result<()>;
 
-    /// Actions `[env][action]` where these rows are seen, kept within +-1, as environments clamp them. The noise of a step is a stream of
-    /// its own.
+    /// Samples actions `[env][action]`, clamped to [-1, 1], for stacked observations `rows`. Each step has a separate
+    /// noise stream.
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()>;
 
-    /// They were taken; `reached` are the rows seen where time ran out, of these environments, in their order.
+    /// Records a step: `truncated` marks environments, `reached` holds the stacked final observations of these, in
+    /// order.
     fn arrive(&mut self, reached: &[f64], truncated: &[bool]) -> Result<()>;
 
-    /// The rollout ends where these rows are seen; of what came of its steps, `[step][env]`, advantages are made. A step ends no episode (0),
-    /// or in [`TERMINATED`] or [`TRUNCATED`].
+    /// Ends the rollout with the stacked observations `rows` after the last step, and computes advantages. `rewards`
+    /// and `ends` are `[step][env]`; an end is 0, [`TERMINATED`] or [`TRUNCATED`].
     fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()>;
 }

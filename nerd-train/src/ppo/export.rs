@@ -3,11 +3,12 @@
 use super::folder::{self, PolicyConfig, save};
 use super::*;
 use crate::records::{Session, rows};
+use nerd_sim::files::renamed::{self, Kind};
 
-/// Iterations that `curve.csv` has, about.
+/// Approximate number of iterations in `curve.csv`.
 const POINTS: usize = 100;
 
-/// Writes `<out>/policy`; `identity` is the task and the solver, by content.
+/// Writes `<out>/policy`; `identity` names task and solver by content.
 pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Result<()> {
     let task = &*trainer.episodes.task;
     let spent = Session::all(out)?.last().map(|s| s.spent.clone()).unwrap_or_default();
@@ -43,12 +44,18 @@ fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
     )
 }
 
-/// Writes `curve.csv` from the metrics of a run in `out`: steps, seconds of learning, mean reward and mean length of episodes, of about [`POINTS`]
-/// iterations.
+/// Writes `curve.csv` from the metrics of the run in `out`, for about [`POINTS`] iterations. Columns: steps, training
+/// time (s), mean return and mean length of episodes.
 fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
     let lines = nerd_sim::files::read_record(&metrics).map_err(Error::file(&metrics))?;
-    let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::file(&metrics))?;
+    let read = |line: &str| {
+        let mut line = serde_json::from_str(line).map_err(Error::file(&metrics))?;
+        // Lines of a run that an earlier version began.
+        renamed::json(Kind::Metrics, &mut line).map_err(Error::file(&metrics))?;
+        serde_json::from_value(line).map_err(Error::file(&metrics))
+    };
+    let lines = lines.lines().map(read).collect::<Result<Vec<Iteration>>>()?;
     let every = lines.len().div_ceil(POINTS).max(1);
     let (mut text, mut seconds) = (String::from("steps,seconds,reward,length\n"), 0.0);
     for line in &lines {

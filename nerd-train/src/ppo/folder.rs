@@ -1,42 +1,43 @@
-//! A policy is a folder: `config.json`, `policy.safetensors` and a card, `README.md`; of a task from a file that file's text, too, by which
-//! the policy is played from then on, whatever becomes of the file.
+//! Policy folders: `config.json`, `policy.safetensors` and a card, `README.md`. The folder also keeps the text of a
+//! task from a file: later changes of the file do not affect the policy.
 //!
-//! Weights are named `layerK.weight` `[in, out]` and `layerK.bias`; the last layer's outputs are mean action, value and, unless it is a
-//! parameter (`log_std`), the logarithm of the spread. `observation.mean` and `observation.variance` normalise inputs, `return.mean` and
-//! `return.variance` the value.
+//! Weights are named `layerK.weight` `[in, out]` and `layerK.bias`. The last layer's outputs are mean action, value
+//! and, unless it is the parameter `log_std`, log standard deviation. `observation.mean` and `observation.variance`
+//! normalise inputs, `return.mean` and `return.variance` the value.
 
 use nerd_model::transformer::TensorSpec;
+use nerd_sim::files::renamed::{self, Kind};
 
 use super::*;
 
-/// In its provenance: [`System::sha256`] of its robot, SHA-256 of its task's text, and [`Policy::sha256`].
+/// Provenance keys: [`System::sha256`] of the robot, SHA-256 of the task's text, and [`Policy::sha256`].
 pub(super) const ROBOT: &str = "robot";
 pub(super) const TEXT: &str = "task sha256";
 const WEIGHTS: &str = "weights sha256";
 pub(super) const TASK: &str = "task.toml";
 
-/// What was learned, where, how; `config.json`.
+/// Contents of `config.json`: task, solver, settings and provenance of a policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyConfig {
     /// Task.
     pub task: String,
-    /// What the policy was trained in.
+    /// Solver that the policy was trained in.
     pub solver: String,
     /// Shape of the network.
     pub shape: Shape,
-    /// How it was trained.
+    /// Training settings.
     pub ppo: PpoConfig,
     /// Iterations done.
     pub iterations: u64,
-    /// Mean return of its own noisy episodes.
+    /// Mean return of the policy's training episodes, with action noise.
     pub reward: Option<f64>,
     /// Commit, command, seed, machine, minutes.
     #[serde(default)]
     pub provenance: BTreeMap<String, String>,
 }
 
-/// Writes the folder, each file whole or not at all, with the hash of the weights in its provenance.
+/// Writes the folder, each file atomically, and adds the hash of the weights to the provenance.
 pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<()> {
     let mut file = Tensors::default();
     put(&mut file, "", policy);
@@ -50,21 +51,22 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
     write("README.md", card.into())?;
     file.put_word("task", &config.task);
     file.save(&folder.join("policy.safetensors"))?;
-    // Last: a folder that has it is whole.
+    // Last, so that a folder with this file is complete.
     write("config.json", json + "\n")
 }
 
-/// Reads the folder of a policy of a built-in task.
+/// Reads a policy's folder and finds its task by name, or by the text kept in the folder. Refuses a robot or text that
+/// changed since training; for a task of the project it prints a line instead.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
     let (kept, learned) = (folder.join(TASK), config.task.clone());
     let (mut task, robot) = nerd_tasks::parts(&learned);
     let mut robot = robot.map(String::from);
     if kept.exists() {
-        // As it was when the policy learned.
+        // The task's text at training time.
         task = kept.to_str().unwrap_or(task);
     }
-    // From another folder than that of its training: what the robot's path is from one above the policy's.
+    // The robot's path is relative to the training's working directory, which may be an ancestor of this folder.
     if let Some(file) = robot.as_mut().filter(|file| file.contains('.') && !Path::new(file).exists()) {
         let above = std::path::absolute(folder).map_err(Error::file(folder))?;
         match above.ancestors().map(|at| at.join(&*file)).find(|path| path.exists()) {
@@ -87,7 +89,7 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
         ),
         (_, true, true) => format!("{TASK} is not the text that the policy learned with; take the folder as it was, or train again"),
         (false, false, _) => return read(folder, config, &*task, &learned),
-        // What comes with the project is made better now and then.
+        // Tasks and robots of the project may improve: print a line and continue.
         (robot, ..) => {
             let what = if robot { format!("robot `{}`", task.robot()) } else { format!("task `{}`", task.name()) };
             let found = read(folder, config, &*task, &learned)?;
@@ -98,18 +100,18 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     Err(Error::file(&path)(changed))
 }
 
-/// What the task of a policy's folder was called when it learned: its name, or of one from a file as [`nerd_tasks::word`] has it.
+/// Name of the policy's task at training time; for a task from a file, its [`nerd_tasks::word`].
 pub fn called(folder: &Path) -> Result<String> {
     let task = config(folder)?.1.task;
     Ok(if nerd_tasks::names().contains(&task.as_str()) { task } else { nerd_tasks::word(&task) })
 }
 
-/// The text of a task that does not come with the project.
+/// Text of a task that does not come with the project.
 pub(super) fn own(task: &dyn Task) -> Option<&str> {
     task.text().filter(|_| !nerd_tasks::names().contains(&task.name()))
 }
 
-/// A task by content: its name, and of one from a file the text in place of where it is.
+/// Identity of a task by content: its name, or for a task from a file the hash of its text in place of its path.
 pub fn identity(task: &dyn Task) -> String {
     if own(task).is_none() {
         return task.name().into();
@@ -117,12 +119,12 @@ pub fn identity(task: &dyn Task) -> String {
     format!("task {} of {}", &text_hash(task)[..16], nerd_tasks::word(task.robot()))
 }
 
-/// SHA-256 of a task's text, or of its name where it has none.
+/// SHA-256 of a task's text, or of its name if it has no text.
 pub(super) fn text_hash(task: &dyn Task) -> String {
     Sha256::digest(task.text().unwrap_or(task.name())).iter().map(|b| format!("{b:02x}")).collect()
 }
 
-/// Reads the folder of a policy of this task, built-in or not.
+/// Reads the folder of a policy of the given task, built-in or not.
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
     let same = match own(task) {
@@ -145,15 +147,27 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
         refuse!("{}: a model, not a policy", folder.display());
     }
     let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
-    let config = serde_json::from_str(&text).map_err(Error::file(&path))?;
-    Ok((path, config))
+    let mut all: serde_json::Value = serde_json::from_str(&text).map_err(Error::file(&path))?;
+    let before = all.clone();
+    if let Some(ppo) = all.get_mut("ppo").and_then(serde_json::Value::as_object_mut) {
+        ppo.retain(|key, _| !config::FORMER.contains(&key.as_str()));
+    }
+    let mut old = Vec::new();
+    for (table, kind) in [("ppo", Kind::Ppo), ("shape", Kind::Shape)] {
+        let own = all.get_mut(table).map(|table| renamed::json(kind, table));
+        old.extend(own.transpose().map_err(|e| Error::file(&path)(format!("{table}: {e}")))?.unwrap_or_default());
+    }
+    // The text's own errors have a line and a column.
+    let config = if all == before { serde_json::from_str(&text) } else { serde_json::from_value(all) };
+    renamed::note(&path.display().to_string(), old);
+    Ok((path.clone(), config.map_err(Error::file(&path))?))
 }
 
-/// `learned` is what the task was called when it did.
+/// Checks and reads weights and moments; `learned` is the task's name at training time.
 fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> Result<(PolicyConfig, Policy)> {
     check(&config, task).map_err(Error::file(&folder.join("config.json")))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
-    // Where the task's file is may have changed since, its name did not.
+    // The path of the task's file may have changed since, but not its name.
     let of = file.word("task")?;
     let name = |task: &str| nerd_tasks::word(nerd_tasks::parts(task).0);
     if name(of) != name(learned) {
@@ -173,7 +187,7 @@ fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> 
     Ok((config, policy))
 }
 
-/// A policy's network and moments, under names that begin so.
+/// Stores a policy's network and moments under names with this prefix.
 pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
     file.put_network(&tensors(prefix, &policy.shape), &policy.flat);
     for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
@@ -203,7 +217,7 @@ fn tensors(prefix: &str, shape: &Shape) -> Vec<TensorSpec> {
     shape.program().tensors.into_iter().map(|tensor| TensorSpec { name: format!("{prefix}{}", tensor.name), ..tensor }).collect()
 }
 
-/// Says what of a policy does not fit its task.
+/// Checks settings, and sizes of observation and action against the task.
 fn check(config: &PolicyConfig, task: &dyn Task) -> Result<(), String> {
     let Shape { observation, action, .. } = config.shape;
     config.shape.check().map_err(|e| format!("shape: {e}"))?;

@@ -1,61 +1,65 @@
-//! The loss of one step and its gradient by the network's outputs (Schulman et al. 2017; the terms of rl_games).
+//! PPO loss of one step and its gradient with respect to the network's outputs (Schulman et al. 2017; terms as in
+//! rl_games).
 //!
-//! With p the new over the old probability of the action, A the advantage, v and R normalised value and return, eps the clip:
+//! p is the ratio of new to old action probability, A the advantage, eps the clip range. v and R are the normalised
+//! value and return.
 //!
 //! ```text
 //! L = max(-A p, -A clamp(p, 1 - eps, 1 + eps))
-//!   + critic / 2 max((v - R)^2, (v_old + clamp(v - v_old, -value eps, value eps) - R)^2)
+//!   + CRITIC / 2 max((v - R)^2, (v_old + clamp(v - v_old, -value eps, value eps) - R)^2)
 //!   + bounds sum (max(mu - 1.1, 0)^2 + min(mu + 1.1, 0)^2) - entropy sum (s + 1/2 ln 2 pi e)
 //! ```
 
 use super::*;
 
-/// Mean actions beyond this cost.
+/// Bound (absolute value) of mean actions; beyond it the bounds loss applies.
 const BOUND: f32 = 1.1;
+/// Weight of the value loss.
+pub(super) const CRITIC: f32 = 4.0;
 const HALF_LN_TAU: f32 = 0.918_938_5;
 
-/// What is known of a step from its rollout.
+/// Data of a step recorded in the rollout.
 #[derive(Clone, Copy)]
 pub(super) struct Past<'a> {
     pub action: &'a [f32],
-    /// Minus the logarithm of its probability then.
-    pub surprise: f32,
+    /// Negative log-probability of the action under the rollout's policy.
+    pub neg_log_prob: f32,
     pub advantage: f32,
-    pub goal: f32,
-    /// Normalised value then.
+    pub value_target: f32,
+    /// Normalised value predicted in the rollout.
     pub value: f32,
 }
 
-/// Terms of the loss: sums over steps, or means.
+/// Loss terms: sums over steps, or means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
-    /// Of the policy.
+    /// Clipped policy objective, negated.
     #[serde(rename = "actor_loss", deserialize_with = "figure")]
     pub actor: f64,
     /// Squared error of the normalised value.
     #[serde(rename = "critic_loss", deserialize_with = "figure")]
     pub critic: f64,
-    /// Of mean actions out of bounds, without its weight.
+    /// Squared excess of mean actions over their bounds, unweighted.
     #[serde(rename = "bounds_loss", deserialize_with = "figure")]
     pub bounds: f64,
     /// Entropy of the policy (nats).
     #[serde(deserialize_with = "figure")]
     pub entropy: f64,
-    /// Divergence `KL(new, old)` from the policy that was compared with: that of a pass.
+    /// KL divergence `KL(new, old)`, where old is the policy one pass earlier.
     #[serde(deserialize_with = "figure")]
     pub kl: f64,
-    /// Steps whose ratio was clipped.
+    /// Steps with a ratio outside the clip range.
     #[serde(deserialize_with = "figure")]
     pub clipped: f64,
 }
 
-/// JSON has no number that is not finite, and writes null.
+/// Reads a number, or `null` as NaN: JSON has no non-finite numbers.
 pub(super) fn figure<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
 }
 
 impl Terms {
-    /// Its numbers by name.
+    /// Terms by name.
     pub(super) fn named(&self) -> [(&'static str, f64); 6] {
         let Self { actor, critic, bounds, entropy, kl, clipped } = *self;
         [("actor_loss", actor), ("critic_loss", critic), ("bounds_loss", bounds), ("entropy", entropy), ("kl", kl), ("clipped", clipped)]
@@ -80,7 +84,7 @@ impl Terms {
 }
 
 /// `-ln N(action; mu, exp(s)^2)`.
-pub(super) fn surprise(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
+pub(super) fn neg_log_prob(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
     action.iter().zip(mu).zip(s).map(|((a, mu), s)| 0.5 * ((a - mu) * (-s).exp()).powi(2) + s + HALF_LN_TAU).sum()
 }
 
@@ -94,7 +98,8 @@ pub(super) fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -
     .sum()
 }
 
-/// Loss terms of one step; writes the gradients of `scale` times the loss by mean, value and spread.
+/// Loss terms of one step. Writes the gradients of `scale` times the loss with respect to mean action, log standard
+/// deviation and value.
 pub(super) fn step(
     config: &PpoConfig,
     past: Past,
@@ -102,11 +107,11 @@ pub(super) fn step(
     scale: f32,
     (d_mu, d_s, d_v): (&mut [f32], &mut [f32], &mut f32),
 ) -> Terms {
-    let Past { action, advantage, goal, .. } = past;
-    let ratio = (past.surprise - surprise(action, mu, s)).exp();
-    let (low, high) = (1.0 - config.clip, 1.0 + config.clip);
+    let Past { action, advantage, value_target, .. } = past;
+    let ratio = (past.neg_log_prob - neg_log_prob(action, mu, s)).exp();
+    let (low, high) = (1.0 - config.clip_coef, 1.0 + config.clip_coef);
     let (free, held) = (-advantage * ratio, -advantage * ratio.clamp(low, high));
-    // By ln p; where the clipped term is the larger one nothing of it moves.
+    // Gradient with respect to ln p: zero where the clipped term is larger.
     let by_log = if free >= held { -advantage * ratio } else { 0.0 };
     let mut terms = Terms { actor: f64::from(free.max(held)), ..Default::default() };
     terms.clipped = f64::from(u8::from(!(low..=high).contains(&ratio)));
@@ -115,15 +120,15 @@ pub(super) fn step(
         let beyond = (mu[k] - BOUND).max(0.0) + (mu[k] + BOUND).min(0.0);
         terms.bounds += f64::from(beyond * beyond);
         terms.entropy += f64::from(s[k] + HALF_LN_TAU + 0.5);
-        d_mu[k] = scale * (by_log * z * (-s[k]).exp() + 2.0 * config.bounds * beyond);
-        d_s[k] = scale * (by_log * (z * z - 1.0) - config.entropy);
+        d_mu[k] = scale * (by_log * z * (-s[k]).exp() + 2.0 * config.bounds_coef * beyond);
+        d_s[k] = scale * (by_log * (z * z - 1.0) - config.ent_coef);
     }
     let most = if config.value_clip > 0.0 { config.value_clip } else { f32::INFINITY };
     let moved = v - past.value;
     let near = past.value + moved.clamp(-most, most);
-    let (plain, kept) = ((v - goal).powi(2), (near - goal).powi(2));
+    let (plain, kept) = ((v - value_target).powi(2), (near - value_target).powi(2));
     terms.critic = f64::from(plain.max(kept));
     let inside = if moved.abs() < most { 1.0 } else { 0.0 };
-    *d_v = scale * config.critic * if plain >= kept { v - goal } else { inside * (near - goal) };
+    *d_v = scale * CRITIC * if plain >= kept { v - value_target } else { inside * (near - value_target) };
     terms
 }

@@ -1,18 +1,20 @@
-//! Proximal policy optimisation (Schulman et al. 2017) as the paper's policies were trained: rl_games' continuous actor and
-//! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio (and value, if asked
-//! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and value bootstrapping at time-outs.
+//! Proximal policy optimisation (PPO, Schulman et al. 2017) with the settings of the paper's policies: rl_games'
+//! continuous actor-critic. Observations and returns have running normalisers, advantages come from GAE, and time-outs
+//! bootstrap the value. The ratio is clipped, the value too if [`PpoConfig::value_clip`] is set. The learning rate
+//! adapts to the KL divergence.
 //!
-//! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
+//! Unlike rl_games, the observation normaliser updates after an update, so the first ratio is 1. The shipped policies
 //! were trained in the order of rl_games.
 //!
-//! Networks are small and environments many, so all of it is plain f32 on the CPU, over the engine of programs
-//! ([`nerd_model::program::cpu`]): an update of 65 536 steps costs tenths of a second on two cores. Where the simulator is on a GPU, so
-//! are answers and updates. Whatever the number of threads, the same seed gives the same bytes.
+//! Networks are small and environments many, so PPO runs in plain f32 on the CPU ([`nerd_model::program::cpu`]). An
+//! update of 65 536 steps costs tenths of a second on two cores. With a simulator on a GPU, policy and updates run
+//! there too. The same seed gives the same bytes for any number of threads.
 //!
-//! Beside it there is SHAC ([`Shac`]), which learns from slopes in place of samples, in the same runs and folders.
+//! SHAC ([`Shac`]) learns from gradients of the simulator in place of samples, in the same runs and folders.
 //!
-//! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats it
-//! and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
+//! An [`Engine`] steps episodes, estimates advantages (`gae.rs`) and updates the policy (`update.rs`, loss in
+//! `loss.rs`). [`Trainer`] repeats this and holds the state of the run, [`PolicyRun`] runs it in a folder, [`play()`]
+//! plays the result.
 
 mod arena;
 mod checkpoint;
@@ -50,15 +52,15 @@ pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
 pub use cuda::{CudaEngine, CudaEpisodes, CudaShac, Shown};
-pub use engine::{Engine, Stage, Turns};
+pub use engine::{Engine, RolloutInput, StepwiseRollout};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;
 pub use noise::StreamKey;
 pub use normalizer::{RunningMoments, WIDEST};
 pub use pilot::Policies;
 pub use play::{Game, play};
-pub use policy::{Actor, Answer, Policy, Shape};
-pub use rollout::{Ended, Rollout, Running, Taken};
+pub use policy::{Actor, Policy, PolicyOutput, Shape};
+pub use rollout::{Ended, Rollout, RolloutStats, Running};
 pub use run::{Learned, PolicyRun};
 pub use shac::Shac;
 pub use stack::Stack;

@@ -1,39 +1,39 @@
-//! Noise on actions: normal numbers from ChaCha8 streams, so that what is drawn depends on seeds and numbers alone.
+//! Action noise: normal numbers from ChaCha8 streams. They depend on seed, stream and position alone.
 
 use super::*;
 
 /// A ChaCha8 stream of a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamKey {
-    /// The seed.
+    /// Seed.
     pub seed: u64,
-    /// Which of its streams.
+    /// Stream number.
     pub number: u64,
 }
 
 impl StreamKey {
-    /// The stream from its beginning.
+    /// Generator at the beginning of the stream.
     pub(super) fn rng(self) -> ChaCha8Rng {
         stream(self.seed, self.number)
     }
 }
 
-/// What a stream is made from, as kernels take it.
+/// ChaCha8 key of a generator, as kernels take it.
 #[cfg(feature = "cuda")]
 pub(super) fn key(rng: &ChaCha8Rng) -> [u64; 4] {
     let seed = rng.get_seed();
     std::array::from_fn(|word| u64::from_le_bytes(seed.as_chunks().0[word]))
 }
 
-/// Actions around their means. Noise is one stream; these actions have its numbers from `first` on, and a thread's part of them begins
-/// where those before it would end.
-pub(super) fn drawn(answer: &Answer, key: StreamKey) -> Vec<f32> {
+/// Samples actions `N(mean, exp(spread)^2)` with the noise of one stream. Each thread starts at the stream position of
+/// its first action, so the result does not depend on threads.
+pub(super) fn drawn(answer: &PolicyOutput, key: StreamKey) -> Vec<f32> {
     const PART: usize = 4096;
     let mut out = vec![0.0; answer.mean.len()];
     let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
     out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
         let (mut rng, mut spare) = (key.rng(), None);
-        // Numbers are drawn in twos, of four words each.
+        // Normal numbers are drawn in pairs, from four words each.
         rng.set_word_pos(2 * (part * PART) as u128);
         for ((a, mu), s) in out.iter_mut().zip(mean).zip(spread) {
             *a = mu + s.exp() * normal(&mut rng, &mut spare);
@@ -42,7 +42,7 @@ pub(super) fn drawn(answer: &Answer, key: StreamKey) -> Vec<f32> {
     out
 }
 
-/// A standard normal number (Box and Muller), two at a time.
+/// Standard normal number (Box-Muller); the second of a pair is kept in `spare`.
 pub(super) fn normal(rng: &mut ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
     if let Some(x) = spare.take() {
         return x;
@@ -60,7 +60,7 @@ mod tests {
     #[test]
     fn noise_drawn_in_parts_is_that_of_one_stream() {
         let (n, key) = (10_001, StreamKey { seed: 3, number: 9 });
-        let all = Answer { mean: vec![0.5; n], spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(), value: Vec::new() };
+        let all = PolicyOutput { mean: vec![0.5; n], spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(), value: Vec::new() };
         let (mut rng, mut spare) = (key.rng(), None);
         let one: Vec<f32> = all.mean.iter().zip(&all.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
         let apart = one.iter().zip(&drawn(&all, key)).position(|(a, b)| a != b);

@@ -1,11 +1,11 @@
-//! Running mean and variance, by Chan, Golub and LeVeque's update for batches.
+//! Running mean and variance, by the batch update of Chan, Golub and LeVeque.
 //!
-//! With n numbers seen so far and m new ones of mean b and variance w, `d = b - mean`:
+//! For n rows so far and m new rows of mean b and variance w, with `d = b - mean`:
 //! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
 
 use super::*;
 
-/// Running moments of columns.
+/// Running moments of the columns of a table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunningMoments {
@@ -13,23 +13,23 @@ pub struct RunningMoments {
     pub mean: Vec<f64>,
     /// Variance by column.
     pub variance: Vec<f64>,
-    /// Rows seen; it begins at 1, so that the first batch finds mean 0 and variance 1.
+    /// Rows so far, starting at 1: the initial mean 0 and variance 1 count as one row.
     pub count: f64,
 }
 
-/// Normalised numbers are kept within this.
+/// Normalised numbers are clamped to +- this.
 pub const WIDEST: f64 = 5.0;
 const EPSILON: f64 = 1e-5;
 
 impl RunningMoments {
-    /// Of nothing yet: mean 0, variance 1.
+    /// Initial moments: mean 0, variance 1.
     pub fn new(columns: usize) -> Self {
         Self { mean: vec![0.0; columns], variance: vec![1.0; columns], count: 1.0 }
     }
 
     pub(super) fn of(rows: &[f64], columns: usize) -> Self {
         let n = (rows.len() / columns.max(1)) as f64;
-        // Each thread some columns, each column in the order of the rows: the same bits on any number of threads.
+        // Each thread sums some columns over all rows in order: the same bits on any number of threads.
         let means = |of: &[f64], square: bool| {
             let mut sums = vec![0.0; columns];
             let part = columns.div_ceil(rayon::current_num_threads()).max(4);
@@ -49,12 +49,12 @@ impl RunningMoments {
         Self { mean, variance, count: n }
     }
 
-    /// Takes in rows.
+    /// Updates the moments with `rows`.
     pub fn update(&mut self, rows: &[f64]) {
         self.absorb(&Self::of(rows, self.mean.len()));
     }
 
-    /// Takes in the rows of other moments.
+    /// Merges the moments of other rows.
     pub(super) fn absorb(&mut self, other: &Self) {
         let (n, m) = (self.count, other.count);
         if m == 0.0 {
@@ -69,22 +69,22 @@ impl RunningMoments {
         self.count = total;
     }
 
-    /// One number of a column, normalised and kept within +-5.
+    /// Normalises one number of a column and clamps it to +-5.
     pub fn normalize(&self, column: usize, x: f64) -> f64 {
         ((x - self.mean[column]) / self.scale(column)).clamp(-WIDEST, WIDEST)
     }
 
-    pub(super) fn slope(&self, column: usize, x: f64) -> f64 {
+    pub(super) fn gradient(&self, column: usize, x: f64) -> f64 {
         let inside = (x - self.mean[column]).abs() < WIDEST * self.scale(column);
         if inside { self.scale(column).recip() } else { 0.0 }
     }
 
-    /// The inverse within the bounds.
+    /// Inverse of `normalize` within the bounds.
     pub fn restore(&self, column: usize, x: f64) -> f64 {
         x * self.scale(column) + self.mean[column]
     }
 
-    /// Rows normalised into `out`.
+    /// Normalises rows into `out`, which is cleared first.
     pub fn rows(&self, rows: &[f64], out: &mut Vec<f32>) {
         let columns = self.mean.len();
         let inverse: Vec<f64> = (0..columns).map(|k| self.scale(k).recip()).collect();
@@ -95,7 +95,7 @@ impl RunningMoments {
         }
     }
 
-    /// The same for many rows, on all cores.
+    /// Normalises rows as `rows` does, on all cores.
     pub fn all_rows(&self, rows: &[f64]) -> Vec<f32> {
         const ROWS: usize = 1024;
         let columns = self.mean.len();

@@ -1,27 +1,47 @@
-//! Policies that act in training data, because a learned simulator is used where they go and random torques rarely go there.
+//! Policies that act while training data is recorded: a learned simulator is used in states that policies visit and
+//! random torques rarely reach.
 //!
-//! Future policies go elsewhere still. So all are noisy, some trajectories begin fast, and in some the policies take turns.
+//! Future policies visit yet other states. Therefore all policies act with noise, some trajectories begin fast, and in
+//! some several policies alternate.
 
 use std::fmt;
+use std::sync::OnceLock;
 
 use nerd_sim::dataset::{Act, Pilot};
 use nerd_sim::sampling::FASTEST;
-use nerd_tasks::{View, Work, fast_start};
+use nerd_tasks::{Compiled, View, Work, fast_start};
 
 use super::noise::normal;
 use super::*;
 
-/// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.
+/// Largest standard deviation of action noise, as a multiple of the policy's own; near-deterministic data covers no
+/// neighbouring states.
 const NOISE: f64 = 2.0;
-/// Share of the trajectories in which policies take turns, and frames that one acts for, in the mean.
+/// Share of trajectories with alternating policies, and the mean number of frames between switches.
 const MIXED: f64 = 0.25;
 const TURN: f64 = 30.0;
-/// Share of the trajectories that begin with [`fast_start`].
+/// Share of trajectories that begin with [`fast_start`].
 const FAST: f64 = 0.25;
 
-type All = Arc<[(Arc<dyn Task>, Arc<Actor>)]>;
+type All = Arc<[One]>;
 
-/// Policies, of which one acts in each trajectory, or several in turn.
+/// A policy with its task.
+struct One {
+    task: Arc<dyn Task>,
+    actor: Arc<Actor>,
+    /// The task for the first robot that it was recorded for.
+    first: OnceLock<Arc<Compiled>>,
+}
+
+impl One {
+    fn compiled(&self, system: &Arc<System>) -> Arc<Compiled> {
+        let compile = || Arc::new(Compiled::new(self.task.clone(), system));
+        let first = self.first.get_or_init(compile);
+        if Arc::ptr_eq(first.recorded_for(), system) { first.clone() } else { compile() }
+    }
+}
+
+/// Policies for recording: one acts in each trajectory, or several in turn.
 pub struct Policies {
     of: All,
 }
@@ -29,14 +49,15 @@ pub struct Policies {
 impl Policies {
     /// Policies with their tasks, built-in or not.
     pub fn new(of: Vec<(Arc<dyn Task>, Policy)>) -> Self {
-        Self { of: of.into_iter().map(|(task, policy)| (task, Arc::new(Actor::new(policy)))).collect() }
+        let one = |(task, policy)| One { task, actor: Arc::new(Actor::new(policy)), first: OnceLock::new() };
+        Self { of: of.into_iter().map(one).collect() }
     }
 }
 
-/// Data that policies acted in is known by what these were, and how they acted.
+/// Identity of the policies and of their settings; provenance of recorded data contains it.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_list().entries(self.of.iter().map(|(task, actor)| format!("{} {}", task.name(), actor.policy.sha256()))).finish()?;
+        f.debug_list().entries(self.of.iter().map(|one| format!("{} {}", one.task.name(), one.actor.policy.sha256()))).finish()?;
         write!(f, " noise {NOISE}, mixed {MIXED} by {TURN} frames, fast {FAST} x {FASTEST}")
     }
 }
@@ -44,9 +65,9 @@ impl fmt::Debug for Policies {
 impl Pilot for Policies {
     fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>) {
         let which = rng.random_range(0..self.of.len());
-        let now = Turn::new(&self.of, which, rng);
+        let now = Turn::new(&self.of, which, system, rng);
         let [mixed, fast] = [MIXED, FAST].map(|share| rng.random::<f64>() < share);
-        let state = if fast { fast_start(&*now.task, system, rng) } else { now.task.reset(system, rng) };
+        let state = if fast { fast_start(&now.task, rng) } else { now.task.reset(system, rng) };
         (state, Box::new(Acting { all: self.of.clone(), mixed: mixed && self.of.len() > 1, work: Work::new(system), now }))
     }
 }
@@ -58,10 +79,10 @@ struct Acting {
     now: Turn,
 }
 
-/// One policy, as long as it acts.
+/// A policy during the frames that it acts.
 struct Turn {
     which: usize,
-    task: Arc<dyn Task>,
+    task: Arc<Compiled>,
     actor: Arc<Actor>,
     goal: Vec<f64>,
     noise: f64,
@@ -72,9 +93,9 @@ struct Turn {
 }
 
 impl Turn {
-    /// One of them, with a goal and a noise of its own.
-    fn new(all: &All, which: usize, rng: &mut ChaCha8Rng) -> Self {
-        let (task, actor) = all[which].clone();
+    /// Begins a turn of policy `which`, with a drawn goal and noise level.
+    fn new(all: &All, which: usize, system: &Arc<System>, rng: &mut ChaCha8Rng) -> Self {
+        let (task, actor) = (all[which].compiled(system), all[which].actor.clone());
         let mut goal = vec![0.0; task.goal_dim()];
         task.draw_goal(rng, &mut goal);
         let (noise, observation) = (NOISE * rng.random::<f64>(), vec![0.0; task.observation_dim()]);
@@ -83,10 +104,10 @@ impl Turn {
 
     fn other(&self, all: &All, rng: &mut ChaCha8Rng) -> Self {
         let which = rng.random_range(0..all.len() - 1);
-        Self::new(all, which + usize::from(which >= self.which), rng)
+        Self::new(all, which + usize::from(which >= self.which), self.task.recorded_for(), rng)
     }
 
-    /// Whether a step of its task begins.
+    /// Whether this frame begins a step of the task, which needs a new action.
     fn asked(&self) -> bool {
         self.frame.is_multiple_of(self.task.frames())
     }

@@ -1,36 +1,36 @@
-//! The network of policy and value, with the moments of observations and returns.
+//! Network of policy and value, with the moments of observations and returns.
 //!
-//! One trunk with heads for mean action, value and, as an option, logarithm of the spread. Actions are drawn from the normal distribution
-//! `N(mu, exp(s)^2)`, with s a parameter by default; an environment clamps them to [-1, 1].
+//! One trunk has heads for mean action, value and, optionally, log standard deviation. Actions are sampled from
+//! `N(mu, exp(s)^2)`, with s a parameter by default; environments clamp them to [-1, 1].
 
 use nerd_model::program::{Program, policy};
 use nerd_model::transformer::Init;
 
 use super::*;
 
-/// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
+/// Rows per task of a thread. Partial gradients are summed in order: the same bits on any number of threads.
 pub(super) const ROWS: usize = 512;
 
 /// Shape of a policy.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Numbers of an observation.
+    /// Numbers in an observation.
     pub observation: usize,
-    /// Observations that the network sees.
+    /// Stacked observations in the network's input.
     pub stack: usize,
-    /// Numbers of an action.
+    /// Numbers in an action.
     pub action: usize,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
-    /// Between them.
+    /// Activation between layers.
     pub activation: Activation,
-    /// Whether the spread is an output.
-    pub spread_by_state: bool,
+    /// Whether the log standard deviation is an output.
+    pub state_dependent_std: bool,
 }
 
 impl Shape {
-    /// Of a task's policy under these settings.
+    /// Shape for a task under these settings.
     pub fn of(task: &dyn Task, config: &PpoConfig) -> Self {
         Self {
             observation: task.observation_dim(),
@@ -38,11 +38,11 @@ impl Shape {
             action: task.action_dim(),
             hidden: config.hidden.clone(),
             activation: config.activation,
-            spread_by_state: config.spread_by_state,
+            state_dependent_std: config.state_dependent_std,
         }
     }
 
-    /// Refuses what no policy can have, before any memory is taken for it.
+    /// Refuses sizes outside the limits of a policy, before memory is allocated.
     pub fn check(&self) -> Result<(), String> {
         let most = [("observation", self.observation, 65_536.0), ("stack", self.stack, 64.0), ("action", self.action, 4096.0)];
         let widths = self.hidden.iter().map(|width| ("hidden", *width, 4096.0));
@@ -50,19 +50,19 @@ impl Shape {
         within("layers of hidden", self.hidden.len() as f64, 0.0..=16.0, "")
     }
 
-    /// Numbers that go into the network.
+    /// Inputs of the network.
     pub fn inputs(&self) -> usize {
         self.observation * self.stack
     }
 
-    /// Numbers that it says.
+    /// Outputs of the network: mean action, value and, by state, log standard deviation.
     pub fn outputs(&self) -> usize {
-        self.action + 1 + if self.spread_by_state { self.action } else { 0 }
+        self.action + 1 + if self.state_dependent_std { self.action } else { 0 }
     }
 
-    /// Parameters of a spread that is not an output, the last ones.
+    /// Number of log standard deviation parameters, the last ones; 0 if they are outputs.
     pub fn spread(&self) -> usize {
-        if self.spread_by_state { 0 } else { self.action }
+        if self.state_dependent_std { 0 } else { self.action }
     }
 
     /// Widths from input to output.
@@ -70,38 +70,38 @@ impl Shape {
         [&[self.inputs()], self.hidden.as_slice(), &[self.outputs()]].concat()
     }
 
-    /// The network, whose parameters are the policy's.
+    /// The network as a program; the policy holds its parameters.
     pub fn program(&self) -> Program {
-        policy(&self.widths(), self.activation, (!self.spread_by_state).then_some(self.action))
+        policy(&self.widths(), self.activation, (!self.state_dependent_std).then_some(self.action))
     }
 }
 
-/// A policy with its value.
+/// A policy with its value function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Policy {
-    /// Its shape.
+    /// Shape.
     pub shape: Shape,
     /// Parameters, in the order of [`Shape::program`].
     pub flat: Vec<f32>,
-    /// Moments of (stacked) observations.
+    /// Moments of stacked observations.
     pub seen: RunningMoments,
     /// Moments of returns.
     pub returns: RunningMoments,
 }
 
-/// What a policy says of n observations.
+/// Network outputs for n observations.
 #[derive(Clone, Debug, Default)]
-pub struct Answer {
+pub struct PolicyOutput {
     /// Mean actions `[n][action]`.
     pub mean: Vec<f32>,
-    /// Logarithms of the spread `[n][action]`.
+    /// Log standard deviations `[n][action]`.
     pub spread: Vec<f32>,
     /// Normalised values `[n]`.
     pub value: Vec<f32>,
 }
 
 impl Policy {
-    /// Random weights, spread 1.
+    /// Random weights, with standard deviation 1.
     pub fn new(shape: Shape, rng: &mut ChaCha8Rng) -> Self {
         let mut flat = Vec::new();
         for tensor in shape.program().tensors {
@@ -111,8 +111,8 @@ impl Policy {
                 false => flat.resize(flat.len() + tensor.len(), 0.0),
             }
         }
-        if shape.spread_by_state {
-            // The spread begins at 1 wherever one is.
+        if shape.state_dependent_std {
+            // Zero weights and biases: standard deviation 1 in every state.
             let (outputs, inside) = (shape.outputs(), shape.hidden.last().copied().unwrap_or(shape.inputs()));
             let start = flat.len() - (inside + 1) * outputs;
             flat[start..].chunks_exact_mut(outputs).for_each(|row| row[shape.action + 1..].fill(0.0));
@@ -120,35 +120,36 @@ impl Policy {
         Self { seen: RunningMoments::new(shape.inputs()), returns: RunningMoments::new(1), flat, shape }
     }
 
-    /// The same with another spread of first actions.
+    /// Sets the initial standard deviation.
     pub(super) fn spread_out(mut self, spread: f32) -> Self {
-        // The last parameters are the spread's, or the biases of its outputs.
+        // The last parameters are the log standard deviations, or the biases of those outputs.
         let at = self.flat.len() - self.shape.action;
         self.flat[at..].fill(spread.ln());
         self
     }
 
-    /// The network with its weights, as they are now.
+    /// The network loaded with the present weights.
     pub fn network(&self) -> Loaded {
         Loaded::new(self.shape.program(), &self.flat)
     }
 
-    /// Mean, spread and value for rows of (stacked) observations. Who asks again and again has an [`Actor`].
-    pub fn answer(&self, observations: &[f64]) -> Answer {
+    /// Mean action, log standard deviation and value for rows of stacked observations, `[n][inputs]`. Repeated calls
+    /// should use an [`Actor`].
+    pub fn answer(&self, observations: &[f64]) -> PolicyOutput {
         self.answer_by(&self.network(), observations)
     }
 
-    fn answer_by(&self, network: &Loaded, observations: &[f64]) -> Answer {
+    fn answer_by(&self, network: &Loaded, observations: &[f64]) -> PolicyOutput {
         let (a, outputs) = (self.shape.action, self.shape.outputs());
         let parts = observations.par_chunks(ROWS * self.shape.inputs()).map_init(Default::default, |(memory, inputs), rows| {
             self.seen.rows(rows, inputs);
             std::mem::take(network.forward(inputs, memory, Pass::Kept(1)))
         });
-        let mut answer = Answer::default();
+        let mut answer = PolicyOutput::default();
         for row in parts.collect::<Vec<_>>().iter().flat_map(|part| part.chunks_exact(outputs)) {
             answer.mean.extend_from_slice(&row[..a]);
             answer.value.push(row[a]);
-            answer.spread.extend_from_slice(if self.shape.spread_by_state { &row[a + 1..] } else { self.spread() });
+            answer.spread.extend_from_slice(if self.shape.state_dependent_std { &row[a + 1..] } else { self.spread() });
         }
         answer
     }
@@ -161,35 +162,35 @@ impl Policy {
     }
 
     /// Values in units of reward.
-    pub fn values(&self, answer: &Answer) -> Vec<f64> {
+    pub fn values(&self, answer: &PolicyOutput) -> Vec<f64> {
         answer.value.iter().map(|v| self.returns.restore(0, f64::from(*v))).collect()
     }
 
-    /// The spread's parameters; empty if it is an output.
+    /// Log standard deviation parameters; empty if they are outputs.
     pub fn spread(&self) -> &[f32] {
         &self.flat[self.flat.len() - self.shape.spread()..]
     }
 }
 
-/// A policy that is asked again and again: its network is loaded once.
+/// A policy for repeated calls, with its network loaded once.
 pub struct Actor {
-    /// Who answers.
+    /// The policy.
     pub policy: Policy,
     network: Loaded,
 }
 
 impl Actor {
-    /// Of a policy as it is now.
+    /// Loads the network with the policy's present weights.
     pub fn new(policy: Policy) -> Self {
         Self { network: policy.network(), policy }
     }
 
     /// [`Policy::answer`].
-    pub fn answer(&self, observations: &[f64]) -> Answer {
+    pub fn answer(&self, observations: &[f64]) -> PolicyOutput {
         self.policy.answer_by(&self.network, observations)
     }
 
-    /// Mean actions alone, within their bounds.
+    /// Mean actions `[n][action]`, clamped to [-1, 1].
     pub fn mean(&self, observations: &[f64]) -> Vec<f64> {
         self.answer(observations).mean.into_iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect()
     }

@@ -1,62 +1,62 @@
-//! One horizon of steps under a policy, and what the update learns from it.
+//! One horizon of steps under a policy, and the data its update needs.
 
 use nerd_tasks::StepResult;
 
 use super::*;
 
-/// Steps `[step][env]` of one iteration.
+/// Steps of one iteration, `[step][env]`.
 #[derive(Clone, Debug, Default)]
 pub struct Rollout {
     /// Stacked observations.
     pub observations: Vec<f64>,
-    /// Actions as drawn; environments clamp them.
+    /// Sampled actions; environments clamp them to [-1, 1].
     pub actions: Vec<f32>,
     /// Mean actions.
     pub mean: Vec<f32>,
-    /// Logarithms of the spread.
+    /// Log standard deviations.
     pub spread: Vec<f32>,
-    /// Minus logarithms of the actions' probabilities.
-    pub surprise: Vec<f32>,
-    /// Values, in units of reward.
+    /// Negative log-probabilities of the actions.
+    pub neg_log_prob: Vec<f32>,
+    /// Values (units of reward).
     pub values: Vec<f64>,
-    /// Advantages, in units of reward.
+    /// Advantages (units of reward).
     pub advantages: Vec<f64>,
 }
 
 impl Rollout {
-    /// Forgets all steps, and keeps their memory for the next ones.
+    /// Clears all steps and keeps the allocations.
     pub(super) fn clear(&mut self) {
-        let Self { observations, actions, mean, spread, surprise, values, advantages } = self;
+        let Self { observations, actions, mean, spread, neg_log_prob, values, advantages } = self;
         [observations, values, advantages].into_iter().for_each(Vec::clear);
-        [actions, mean, spread, surprise].into_iter().for_each(Vec::clear);
+        [actions, mean, spread, neg_log_prob].into_iter().for_each(Vec::clear);
     }
 }
 
 /// An episode that ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ended {
-    /// Step of the rollout in which it did.
+    /// Step of the rollout that ended the episode, from 0.
     pub step: usize,
-    /// Its environment.
+    /// Environment.
     pub env: usize,
-    /// Sum of its rewards.
+    /// Return: sum of rewards.
     pub total: f64,
-    /// Its steps.
+    /// Length (steps).
     pub length: f64,
 }
 
-/// How a rollout went.
+/// Result of a rollout.
 #[derive(Clone, Debug, Default)]
-pub struct Taken {
+pub struct RolloutStats {
     /// Episodes that ended, in order.
     pub ended: Vec<Ended>,
-    /// Episodes that the solver could not go on with, or that were broken off for a frame without slopes.
+    /// Episodes ended by a solver failure, or broken off for a frame without finite gradients.
     pub failed: usize,
-    /// Sums of [`nerd_tasks::Task::terms`] over all steps; empty where they are made on a GPU.
+    /// Sums of [`nerd_tasks::Task::terms`] over all steps; empty for rollouts on a GPU.
     pub terms: Vec<f64>,
 }
 
-/// Episodes under way.
+/// Running episodes of all environments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Running {
     /// Stacked observations.
@@ -68,15 +68,15 @@ pub struct Running {
 }
 
 impl Running {
-    /// Episodes that have just started.
+    /// Episodes at their start.
     pub fn new(episodes: &Episodes, stack: usize) -> Self {
         let n = episodes.len();
         let stack = Stack::new(stack, episodes.task.observation_dim(), episodes.observations());
         Self { stack, rewards: vec![0.0; n], lengths: vec![0.0; n] }
     }
 
-    /// One step: what the task says of it, and episodes that ended, as in step 0. `out` gets the stacked observations that were reached where
-    /// time ran out.
+    /// Steps all environments. Returns the task's results and the ended episodes, with `step` 0. `out` receives the
+    /// stacked final observations of truncated episodes, in order of environment.
     pub fn step(&mut self, episodes: &mut Episodes, actions: &[f64], out: &mut Vec<f64>) -> Result<(StepResult, Vec<Ended>), StepError> {
         let result = episodes.step(actions)?;
         let over = |env: usize| result.terminated[env] || result.truncated[env];
@@ -86,14 +86,14 @@ impl Running {
         Ok((result, ended))
     }
 
-    /// Breaks off an environment's episode, which counts for nothing, and begins the next one.
+    /// Breaks off the episode of an environment, without counting it, and begins the next.
     pub(super) fn begin(&mut self, episodes: &mut Episodes, env: usize) {
         episodes.begin(env);
         (self.rewards[env], self.lengths[env]) = (0.0, 0.0);
         self.stack.begin(|other| other == env, episodes.observations());
     }
 
-    /// Takes the reward of a step in; the episode, if it is over.
+    /// Adds the reward of a step; returns the episode if `over`.
     pub(super) fn count(&mut self, step: usize, env: usize, reward: f64, over: bool) -> Option<Ended> {
         self.rewards[env] += reward;
         self.lengths[env] += 1.0;

@@ -1,7 +1,7 @@
-//! A policy's training in a folder: PPO in an arena, resumable, with metrics, learning curve and the best policy.
+//! Training of a policy in a folder: resumable, with metrics, learning curve and the best policy.
 //!
-//! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; the same run again continues it. The policy with the largest
-//! mean reward is in `OUT/policy`.
+//! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; starting the same run again continues it.
+//! `OUT/policy` holds the policy with the largest mean return.
 
 use nerd_tasks::Work;
 
@@ -12,21 +12,21 @@ use crate::progress::{bar_from, notes};
 use crate::records::{Record, Session, claimed, ours};
 use crate::stop::{PATIENCE, heed};
 
-/// Two checkpoints are at least this far apart.
+/// Least time between two checkpoints, unless iterations are long.
 const SAVE: Duration = Duration::from_secs(60);
 
 /// One run.
 #[derive(Clone)]
 pub struct PolicyRun {
-    /// Its task.
+    /// Task.
     pub task: String,
-    /// Where it learns.
+    /// Solver.
     pub arena: Arena,
-    /// How.
+    /// Settings.
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
-    /// Stops, with a checkpoint, after this many minutes.
+    /// Stops, with a checkpoint, after this time (min).
     pub minutes: Option<f64>,
     /// Folder of the run.
     pub out: PathBuf,
@@ -39,24 +39,24 @@ pub struct Learned {
     pub title: String,
     /// Folder of the policy.
     pub policy: PathBuf,
-    /// Its mean reward; none before a full set of episodes has ended.
+    /// Mean return of the policy; `None` before enough episodes have ended.
     pub reward: Option<f64>,
     /// Iterations done.
     pub iterations: u64,
-    /// Episodes that ended because the solver could not go on with them, this time, and why the first did, where that is known.
+    /// Episodes ended by a solver failure in this call.
     pub failed: usize,
-    /// See `failed`.
+    /// Reason of the first failure, if known.
     pub fault: Option<String>,
     /// Time of this call.
     pub elapsed: Duration,
-    /// Steps a second; none where nothing was left to do.
+    /// Steps per second; `None` if no iteration was left.
     pub rate: Option<f64>,
-    /// What it was spent on, in words.
+    /// Speed and shares of the stages, as text.
     pub spent: String,
 }
 
 impl PolicyRun {
-    /// Trains, or goes on training.
+    /// Trains, or continues training.
     pub fn train(&self) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
@@ -64,7 +64,7 @@ impl PolicyRun {
         let (system, solver) = (task.system()?, self.arena.title()?);
         bearable(&*task, &system, &self.config)?;
         let title = format!("{} on {solver}", self.task);
-        // What a checkpoint is known by: a model is its weights, wherever they are.
+        // A checkpoint identifies a model by its weights, not by its path.
         let identity = format!("{} on {}", folder::identity(&*task), self.arena.identity(&system)?);
         let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed)?;
         begun(&trainer.episodes)?;
@@ -84,7 +84,7 @@ impl PolicyRun {
         let fault = trainer.episodes.fault.clone();
         let done =
             Learned { title, policy, reward, iterations, failed: spent.failed, fault, elapsed, rate: spent.rate(), spent: spent.words() };
-        // Asked again, a finished run keeps its times.
+        // A finished run keeps its times when started again.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
         }
@@ -92,10 +92,11 @@ impl PolicyRun {
         Ok(done)
     }
 
-    /// Iterations until all are done or time is over; ends with a checkpoint, which leaves out an interrupted iteration.
+    /// Iterates until all iterations are done or time is up, then writes a checkpoint. After an interrupted iteration
+    /// the last checkpoint stands.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
-        // What its first step refuses leaves no file.
+        // Opened after the first iteration: a run refused there leaves no file.
         let mut metrics = None;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
         let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
@@ -145,7 +146,7 @@ struct Spent {
     update: f64,
     parts: Vec<(&'static str, f64)>,
     steps: f64,
-    /// Episodes that the solver could not go on with.
+    /// Episodes that failed.
     failed: usize,
 }
 
@@ -167,7 +168,7 @@ impl Spent {
         (self.steps > 0.0).then(|| self.steps / self.seconds())
     }
 
-    /// In words: steps a second, and shares.
+    /// Steps per second, and shares of the stages, as text.
     fn words(&self) -> String {
         let Some(rate) = self.rate() else { return "all iterations were done before; more --iterations continue".into() };
         let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
@@ -177,21 +178,22 @@ impl Spent {
     }
 }
 
-/// Refuses a task that is over wherever it begins.
+/// Refuses a task that terminates at every start.
 fn begun(episodes: &Episodes) -> Result<()> {
     let (task, mut work) = (&episodes.task, Work::new(&episodes.simulation.batch.system));
     if (0..episodes.len()).all(|env| task.terminated(episodes.view(env), &mut work)) {
-        refuse!("task `{}`: `over` is not 0 at any of its starts, so every episode ends with its first step", task.name());
+        refuse!("task `{}`: `terminated` is not 0 at any of its starts, so every episode ends with its first step", task.name());
     }
     Ok(())
 }
 
 const LAST: &str = "last.safetensors";
 
-/// Refuses a run whose steps of one iteration do not fit in memory, or take longer than a day.
+/// Refuses a run with iterations that do not fit in memory or take longer than a day.
 fn bearable(task: &dyn Task, system: &System, config: &PpoConfig) -> Result<()> {
     let seen = task.observation_dim() * config.stack;
-    // Observations, and as inputs; actions, means and spreads, twice; rewards, values, advantages and the like.
+    // Bytes per step: observations, raw and as inputs; actions, means and log standard deviations, twice; scalars such
+    // as rewards.
     let a_step = 12 * seen + 24 * task.action_dim() + 100;
     let of = [("`environments`", config.environments), ("`horizon`", config.horizon)];
     bounds::memory(&of, a_step)?;

@@ -1,12 +1,12 @@
-//! Memory for tasks in which one observation does not determine the state: the newest observation of every environment, and the differences
-//! between the last ones.
+//! Stacked observations, for tasks with partial observations: the newest observation of each environment, then
+//! differences of successive observations.
 //!
-//! Differences hold the same information, but the policy normalises each column by its own moments: in two angles 8 ms apart the velocity
-//! is hardly visible, in their difference there is nothing else.
+//! Differences keep the information, but the policy normalises each column by its own moments. Two joint angles 8 ms
+//! apart hardly show the velocity; their difference shows only the velocity.
 
 use rayon::prelude::*;
 
-/// Environments that one thread looks after at least.
+/// Least number of environments per thread.
 const FEW: usize = 256;
 
 /// Stacked observations.
@@ -14,20 +14,21 @@ const FEW: usize = 256;
 pub struct Stack {
     depth: usize,
     width: usize,
-    /// Rows `[env][depth][observation]`: the newest, its difference from the one before, that one's, and so on.
+    /// Rows `[env][depth][observation]`: the newest observation, then differences of successive observations, newest
+    /// first.
     pub rows: Vec<f64>,
 }
 
 impl Stack {
-    /// An episode begins in every environment with these observations; what was before counts as the same, so differences are 0.
+    /// Begins an episode in every environment with the observations `first`; all differences are 0.
     pub fn new(depth: usize, width: usize, first: &[f64]) -> Self {
         let mut stack = Self { depth, width, rows: vec![0.0; first.len() * depth] };
         stack.begin(|_| true, first);
         stack
     }
 
-    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then the rows of `ended` episodes restart
-    /// with `fresh`.
+    /// Pushes the observations `reached` by a step, `[env][observation]`. Copies the rows of the environments `some` to
+    /// `out`, then restarts the rows of `ended` episodes with the observations `fresh`.
     pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {
         let (width, all) = (self.width, self.width * self.depth);
         let seen = reached.par_chunks_exact(width);

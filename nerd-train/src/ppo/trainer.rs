@@ -11,29 +11,30 @@ pub struct Iteration {
     pub step: u64,
     /// Steps of all environments so far.
     pub frames: u64,
-    /// Mean return of the last episodes that ended, as many as there are environments; none before one has ended.
+    /// Mean return of the last max(environments, 100) ended episodes, or of fewer at first; `None` before any has
+    /// ended.
     pub reward: Option<f64>,
     /// Their mean length (steps).
     pub length: Option<f64>,
-    /// Mean of each reward term per step; empty where steps run on a GPU.
+    /// Mean of each reward term per step; empty for rollouts on a GPU.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, f64>,
     /// Episodes that ended in this iteration.
     pub episodes: usize,
-    /// Episodes that the solver could not go on with.
+    /// Episodes ended by a solver failure, or broken off for a frame without finite gradients.
     pub failed: usize,
-    /// Learning rate at its end.
-    pub rate: f64,
-    /// What the update did.
+    /// Learning rate after the iteration.
+    pub learning_rate: f64,
+    /// Statistics of the update.
     #[serde(flatten)]
     pub updated: Updated,
-    /// Seconds stepping and asking the policy.
+    /// Time of the rollout (s).
     pub rollout_seconds: f64,
-    /// Seconds learning.
+    /// Time of the update (s).
     pub update_seconds: f64,
 }
 
-/// Everything but the episodes that later iterations depend on.
+/// State that later iterations depend on, beside the episodes and the engine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
     /// Iterations done.
@@ -44,26 +45,27 @@ pub struct State {
     pub adam: Adam,
     /// Episodes under way.
     pub running: Running,
-    /// Return and length of the last episodes that ended, of as many iterations as it takes.
+    /// Return and length of the last ended episodes, from several iterations if needed.
     pub recent: VecDeque<(f64, f64)>,
-    /// The policy that acted when the mean return of the last episodes was at its largest so far, and that mean; with levels the last one.
+    /// Largest mean return so far, and the policy that acted when it was reached. In a task with levels, the last mean
+    /// and policy.
     pub best: Option<(f64, Policy)>,
 }
 
 /// A run.
 pub struct Trainer {
-    /// Where it learns.
+    /// Episodes to learn from.
     pub episodes: Episodes,
-    /// Its settings.
+    /// Settings.
     pub config: PpoConfig,
-    /// Its seed.
+    /// Seed.
     pub seed: u64,
-    /// Its state.
+    /// State.
     pub state: State,
-    /// What its policy answers on and learns.
+    /// Engine of rollouts and updates.
     pub engine: Box<dyn Engine>,
-    /// When an iteration under way is broken off, with [`Error::Stopped`] (never). Episodes are then somewhere within it: nothing can go on but
-    /// from a checkpoint.
+    /// Limit that breaks off a running iteration with [`Error::Stopped`] (default: none). The episodes then stand
+    /// mid-iteration, and the run can only continue from a checkpoint.
     pub stop: Stop,
 }
 
@@ -84,12 +86,12 @@ impl Trainer {
         }
         episodes.climb();
         let shape = Shape::of(&*episodes.task, &config);
-        let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng()).spread_out(config.spread);
+        let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng()).spread_out(config.init_noise_std);
         let engine: Box<dyn Engine> = match config.algorithm {
             Algorithm::Ppo => Box::new(OnCpu::default()),
             Algorithm::Shac => Box::new(Shac::new(&mut episodes, &mut policy, &config, seed)?),
         };
-        let adam = Adam::new(policy.flat.len(), config.rate);
+        let adam = Adam::new(policy.flat.len(), config.learning_rate);
         let running = Running::new(&episodes, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
         Ok(Self { episodes, config, seed, state, engine, stop: Stop::default() })
@@ -99,11 +101,12 @@ impl Trainer {
     pub fn iterate(&mut self) -> Result<Iteration> {
         let Self { episodes, config, state, engine, stop, .. } = self;
         let started = Instant::now();
-        // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
+        // Noise, permutations and weights must not share streams: each has its own seed.
         let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
-        let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise, stop: *stop })?;
+        let taken =
+            engine.roll(RolloutInput { episodes, running: &mut state.running, policy: &state.policy, config, noise, stop: *stop })?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
@@ -112,8 +115,8 @@ impl Trainer {
             (!state.recent.is_empty()).then(|| state.recent.iter().map(f).sum::<f64>() / state.recent.len() as f64)
         };
         let (reward, length) = (mean(|e| e.0), mean(|e| e.1));
-        // Episodes last longer than an iteration, so policies before this one have a part in the mean. What is kept is the one
-        // that acted last in it, not the one that this update makes. Where levels rise, earlier returns were had on easier ground.
+        // Episodes last longer than an iteration, so earlier policies contribute to the mean return. Keep the policy
+        // that acted last, not the one this update makes. With rising levels, earlier returns came from easier terrain.
         let better = |reward: f64| episodes.climbs() || state.best.as_ref().is_none_or(|best| reward > best.0);
         if let Some(reward) = reward.filter(|reward| state.recent.len() == most && better(*reward)) {
             state.best = Some((reward, state.policy.clone()));
@@ -129,25 +132,26 @@ impl Trainer {
             frames: state.iteration * config.steps() as u64,
             reward,
             length,
-            // A name that is no number under a reward that is one has no mean.
+            // A term may be non-finite where the reward is finite; such a term has no mean.
             terms: (episodes.task.terms().iter().cloned().zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)))
                 .filter(|(_, mean)| mean.is_finite())
                 .collect(),
             episodes: taken.ended.len(),
             failed: taken.failed,
-            rate: state.adam.rate,
+            learning_rate: state.adam.learning_rate,
             updated,
             rollout_seconds: rolled,
             update_seconds: started.elapsed().as_secs_f64() - rolled,
         })
     }
 
-    /// The policy of the largest mean return ([`State::best`]), or the present one before there is one.
+    /// The policy with the largest mean return and that return ([`State::best`]); before there is one, the present
+    /// policy.
     pub fn best(&self) -> (&Policy, Option<f64>) {
         self.state.best.as_ref().map_or((&self.state.policy, None), |(reward, policy)| (policy, Some(*reward)))
     }
 }
 
-/// Added to the seed; the seed itself draws the weights.
+/// Offsets added to the run's seed for noise and permutations; the seed itself draws the weights.
 const NOISE: u64 = 0x6e6f_6973_6500_0000;
 const ORDERS: u64 = 0x6f72_6465_7200_0000;

@@ -1,8 +1,8 @@
-//! Passes over one rollout: minibatches, gradients, Adam, and the learning rate that follows the divergence.
+//! Passes over one rollout: minibatches, gradients, Adam, and the learning rate adapted to the KL divergence.
 //!
-//! Moments of returns are updated first, moments of observations last: a ratio compares two outputs for the same inputs, so the
-//! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
-//! so that the divergence measures one pass, not all of them.
+//! The return normaliser updates first, the observation normaliser last: inputs stay the same, so the first ratio of an
+//! update is 1. As in rl_games, each minibatch stores the policy's present means and log standard deviations for its
+//! steps. The KL divergence therefore spans one pass, not the whole update.
 
 use std::sync::MutexGuard;
 
@@ -11,7 +11,9 @@ use super::policy::ROWS;
 use super::*;
 use crate::learner::optimiser::{self, norm};
 
-/// Least and largest learning rate, and by how much it moves.
+/// Largest global norm of a gradient.
+pub(super) const GRADIENT_NORM: f32 = 1.0;
+/// Smallest and largest learning rate, and the factor of one change.
 const RATES: [f64; 2] = [1e-6, 1e-2];
 const FACTOR: f64 = 1.5;
 
@@ -22,28 +24,29 @@ pub struct Adam {
     pub m: Vec<f32>,
     /// Second moment.
     pub v: Vec<f32>,
-    /// Updates done.
+    /// Updates so far.
     pub step: u64,
-    /// Learning rate of the next one.
-    pub rate: f64,
+    /// Learning rate of the next update.
+    pub learning_rate: f64,
 }
 
 impl Adam {
-    /// Before the first update.
-    pub fn new(parameters: usize, rate: f64) -> Self {
-        Self { m: vec![0.0; parameters], v: vec![0.0; parameters], step: 0, rate }
+    /// State before the first update.
+    pub fn new(parameters: usize, learning_rate: f64) -> Self {
+        Self { m: vec![0.0; parameters], v: vec![0.0; parameters], step: 0, learning_rate }
     }
 
-    /// One update with these betas, the gradient's norm kept to `most`; that norm.
-    pub(super) fn step(&mut self, beta: [f64; 2], flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
+    /// One update with these betas and the gradient norm clipped to [`GRADIENT_NORM`]; returns the norm before
+    /// clipping.
+    pub(super) fn step(&mut self, beta: [f64; 2], flat: &mut [f32], gradient: &[f32]) -> f32 {
         let found = norm(gradient);
         self.step += 1;
-        optimiser::Adam::new(beta, self.step, self.rate, found, most).step([flat, &mut self.m, &mut self.v], gradient);
+        optimiser::Adam::new(beta, self.step, self.learning_rate, found, GRADIENT_NORM).step([flat, &mut self.m, &mut self.v], gradient);
         found
     }
 }
 
-/// What an update did, means over all its minibatches.
+/// Statistics of an update: means over all its minibatches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Updated {
     /// Terms of the loss.
@@ -55,11 +58,11 @@ pub struct Updated {
 }
 
 impl Updated {
-    /// Refuses figures of a policy that has left all that it knew.
+    /// Refuses non-finite statistics: the policy has diverged.
     pub(super) fn check(&self) -> Result<()> {
         let figures = self.terms.named().into_iter().chain([("gradient_norm", self.gradient_norm)]);
         match figures.into_iter().find(|(_, x)| !x.is_finite()) {
-            Some((name, x)) => refuse!("{name} is {x}, the policy has diverged: take a smaller `rate`, and another --out"),
+            Some((name, x)) => refuse!("{name} is {x}, the policy has diverged: take a smaller `learning_rate`, and another --out"),
             None => Ok(()),
         }
     }
@@ -69,20 +72,20 @@ impl Updated {
 pub(super) fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, key: StreamKey) -> Updated {
     let mut data = Data::begun(policy, rollout);
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
-    let mut learning = Learning::new(policy);
+    let mut network = TrainingNetwork::new(policy);
     for order in orders(config, key) {
         for batch in order.chunks(config.minibatch) {
-            let said = gradient(policy, &learning, &data, batch, 1.0 / batch.len() as f32, config);
+            let said = gradient(policy, &network, &data, batch, 1.0 / batch.len() as f32, config);
             data.compare_with(batch, &said);
-            norms += f64::from(adam.step([0.9, 0.999], &mut policy.flat, &said.flat, config.gradient_norm));
-            learning.load(policy);
+            norms += f64::from(adam.step([0.9, 0.999], &mut policy.flat, &said.flat));
+            network.load(policy);
             let terms = said.terms.over(batch.len() as f64);
             sums.add(&terms);
             batches += 1.0;
-            if config.kl > 0.0 && terms.kl > 2.0 * config.kl {
-                adam.rate = (adam.rate / FACTOR).max(RATES[0]);
-            } else if config.kl > 0.0 && terms.kl < 0.5 * config.kl {
-                adam.rate = (adam.rate * FACTOR).min(RATES[1]);
+            if config.target_kl > 0.0 && terms.kl > 2.0 * config.target_kl {
+                adam.learning_rate = (adam.learning_rate / FACTOR).max(RATES[0]);
+            } else if config.target_kl > 0.0 && terms.kl < 0.5 * config.target_kl {
+                adam.learning_rate = (adam.learning_rate * FACTOR).min(RATES[1]);
             }
         }
     }
@@ -90,7 +93,7 @@ pub(super) fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, co
     Updated { terms: sums.over(batches), gradient_norm: norms / batches }
 }
 
-/// The order of all steps of an iteration in each pass.
+/// A permutation of all steps of an iteration for each pass.
 pub(super) fn orders(config: &PpoConfig, StreamKey { seed, number }: StreamKey) -> impl Iterator<Item = Vec<u32>> + use<> {
     let (n, epochs) = (config.steps(), config.epochs as u64);
     let mut order = (0..n as u32).collect::<Vec<_>>();
@@ -101,34 +104,35 @@ pub(super) fn orders(config: &PpoConfig, StreamKey { seed, number }: StreamKey) 
     })
 }
 
-/// A rollout as the network sees it.
+/// A rollout in the network's units.
 struct Data<'a> {
     rollout: &'a Rollout,
     inputs: Vec<f32>,
     advantages: Vec<f32>,
-    goals: Vec<f32>,
+    value_targets: Vec<f32>,
     values: Vec<f32>,
     mean: Vec<f32>,
     spread: Vec<f32>,
 }
 
 impl<'a> Data<'a> {
-    /// Normalised by the policy's moments, into which the returns are taken.
+    /// Absorbs the returns into the policy's moments, then normalises advantages, value targets and inputs.
     fn begun(policy: &mut Policy, rollout: &'a Rollout) -> Self {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
-        // As predicted: in updated moments a value would be clipped to something that was never predicted.
+        // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
+        // never predicted.
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         policy.returns.absorb(&RunningMoments::of(&returns, 1));
         let all = RunningMoments::of(&rollout.advantages, 1);
         let (mean, deviation) = (all.mean[0], all.variance[0].sqrt() + 1e-8);
         let advantages = rollout.advantages.iter().map(|a| ((a - mean) / deviation) as f32).collect();
-        let goals = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
+        let value_targets = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let inputs = policy.seen.all_rows(&rollout.observations);
         let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
-        Self { inputs, advantages, goals, values, mean, spread, rollout }
+        Self { inputs, advantages, value_targets, values, mean, spread, rollout }
     }
 
-    /// From now on these steps are compared with the policy's latest outputs.
+    /// Stores the latest outputs for these steps, as the reference of the next pass's KL divergence.
     fn compare_with(&mut self, batch: &[u32], said: &Gradient) {
         let a = self.mean.len() / self.values.len().max(1);
         for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
@@ -141,33 +145,33 @@ impl<'a> Data<'a> {
 
 #[derive(Default)]
 struct Gradient {
-    /// Gradient of the mean loss by the policy's parameters.
+    /// Gradient of the mean loss with respect to the policy's parameters.
     flat: Vec<f32>,
     terms: Terms,
-    /// Mean actions that the policy now has for the steps, and logarithms of their spread, `[step][action]`.
+    /// Present mean actions and log standard deviations of the steps, `[step][action]`.
     mean: Vec<f32>,
     spread: Vec<f32>,
 }
 
-/// A policy's network between two minibatches, whose memory the next one uses again.
-struct Learning {
+/// The policy's network between minibatches, with thread memory for reuse.
+struct TrainingNetwork {
     network: Loaded,
-    idle: Mutex<Vec<Room>>,
+    idle: Mutex<Vec<Workspace>>,
 }
 
-/// What a thread needs: activations, inputs, and the gradient by the outputs.
+/// Memory of a thread: activations, inputs, and the gradient with respect to the outputs.
 #[derive(Default)]
-struct Room {
+struct Workspace {
     memory: Memory,
     inputs: Vec<f32>,
     upstream: Vec<f32>,
 }
 
-impl Learning {
+impl TrainingNetwork {
     fn new(policy: &Policy) -> Self {
-        let learning = Self { network: policy.network(), idle: Mutex::default() };
-        learning.network.turn();
-        learning
+        let network = Self { network: policy.network(), idle: Mutex::default() };
+        network.network.turn();
+        network
     }
 
     fn load(&mut self, policy: &Policy) {
@@ -175,38 +179,38 @@ impl Learning {
         self.network.turn();
     }
 
-    fn idle(&self) -> MutexGuard<'_, Vec<Room>> {
+    fn idle(&self) -> MutexGuard<'_, Vec<Workspace>> {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Forward and backward over some steps; `scale` is the share of one in the mean loss.
-fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32], scale: f32, config: &PpoConfig) -> Gradient {
+/// Forward and backward pass over a minibatch; `scale` weights each step in the mean loss.
+fn gradient(policy: &Policy, network: &TrainingNetwork, data: &Data, batch: &[u32], scale: f32, config: &PpoConfig) -> Gradient {
     let shape = &policy.shape;
     let (a, width, outputs) = (shape.action, shape.inputs(), shape.outputs());
     let parts = batch.par_chunks(ROWS).map(|rows| {
-        let mut room = learning.idle().pop().unwrap_or_default();
-        let Room { memory, inputs, upstream } = &mut room;
+        let mut workspace = network.idle().pop().unwrap_or_default();
+        let Workspace { memory, inputs, upstream } = &mut workspace;
         inputs.clear();
         rows.iter().for_each(|i| inputs.extend_from_slice(&data.inputs[*i as usize * width..][..width]));
         upstream.clear();
         upstream.resize(rows.len() * outputs, 0.0);
         let mut part = Gradient::default();
         let (mut of_spread, mut spreads) = (vec![0.0; a], vec![0.0; shape.spread()]);
-        let answers = learning.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
+        let answers = network.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
         for ((i, said), d) in rows.iter().zip(answers).zip(upstream.chunks_exact_mut(outputs)) {
             let i = *i as usize;
             let past = Past {
                 action: &data.rollout.actions[i * a..(i + 1) * a],
-                surprise: data.rollout.surprise[i],
+                neg_log_prob: data.rollout.neg_log_prob[i],
                 advantage: data.advantages[i],
-                goal: data.goals[i],
+                value_target: data.value_targets[i],
                 value: data.values[i],
             };
-            let s = if shape.spread_by_state { &said[a + 1..] } else { policy.spread() };
+            let s = if shape.state_dependent_std { &said[a + 1..] } else { policy.spread() };
             let (d_mu, rest) = d.split_at_mut(a);
             let (d_v, d_out) = rest.split_at_mut(1);
-            let d_s = if shape.spread_by_state { d_out } else { &mut of_spread[..] };
+            let d_s = if shape.state_dependent_std { d_out } else { &mut of_spread[..] };
             let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
             one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
             part.terms.add(&one);
@@ -214,9 +218,9 @@ fn gradient(policy: &Policy, learning: &Learning, data: &Data, batch: &[u32], sc
             part.mean.extend_from_slice(&said[..a]);
             part.spread.extend_from_slice(s);
         }
-        part.flat = learning.network.backward(1, upstream, memory, false).0;
-        learning.idle().push(room);
-        // Of the last tensor, which no step reads.
+        part.flat = network.network.backward(1, upstream, memory, false).0;
+        network.idle().push(workspace);
+        // Gradient of the log standard deviation: the last tensor, which the network's backward pass does not reach.
         let network = part.flat.len() - spreads.len();
         part.flat[network..].copy_from_slice(&spreads);
         part

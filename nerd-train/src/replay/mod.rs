@@ -1,10 +1,10 @@
-//! Motions as pages that any browser plays. [`episode`] shows an episode of a policy, of a task of one's own, too.
+//! Replays: web pages that show motion. [`episode`] shows an episode of a policy, in any task.
 
 mod page;
 mod solids;
 
 pub use page::{Ground, Replay, Track, poses};
-// For pages that hold several.
+// For pages with several replays.
 #[doc(hidden)]
 pub use page::{SCRIPT, escape, fill, script};
 pub use solids::Solid;
@@ -12,8 +12,8 @@ pub use solids::Solid;
 use crate::ppo::{Actor, Policy, Running};
 use crate::prelude::*;
 
-/// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
-/// step; and its whole reward. [`Replay::html`] is the page.
+/// Replays an episode of the first environment, from its present state to its end: poses, goals and return so far. Also
+/// gives the total reward. [`Replay::html`] is the page.
 pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);
@@ -21,8 +21,8 @@ pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<
     Ok((page, total))
 }
 
-/// Adds such an episode under mean actions, or its first steps, to a page, with goals and rewards so far of the page's first one;
-/// its reward.
+/// Adds an episode under mean actions, or its first `steps` steps, to a page; returns its total reward. Only the first
+/// track of a page has goals and rewards.
 pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episodes, steps: usize) -> Result<f64, StepError> {
     page.begin(name);
     let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);

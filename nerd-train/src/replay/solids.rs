@@ -1,6 +1,6 @@
 //! Shapes of a robot's links and of its scene, for replays.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Quaternion, Translation3};
 use nerd_core::robot::ShapeKind;
@@ -8,28 +8,28 @@ use nerd_sim::system::{Geometry, Source};
 
 use crate::prelude::*;
 
-/// Radius of a bone over its length.
+/// Radius of a bone (a capsule in place of a bare link), relative to its length.
 const THICK: f64 = 0.08;
-/// Colour of a cable, all of it (degrees).
+/// Hue of a cable (degrees).
 const CABLE: f64 = 20.0;
 
-/// Corners and triangles.
+/// Vertices and triangles.
 pub type Surface = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
 /// A shape on a link, or in the scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Solid {
-    /// The link it is fixed on; none for the scene's.
+    /// The link that the shape is fixed on; none in the scene.
     pub link: Option<usize>,
-    /// Its colour (degrees).
+    /// Hue (degrees).
     pub hue: f64,
-    /// Where on the link, or in the world.
+    /// Pose on the link, or in the world.
     pub pose: [f32; 7],
-    /// `box`, `sphere`, `cylinder` or `capsule`, along z, or `hull`.
+    /// `box`, `sphere`, `cylinder` or `capsule` (along z), or `hull`.
     pub kind: &'static str,
-    /// Box, and that around a hull: half edges; else radius and half length.
+    /// Half edges of a box or of a hull's bounding box; else radius and half length.
     pub size: Vec<f64>,
-    /// Of a hull, its corners (m) and triangles, seen from outside against the clock.
+    /// Vertices (m) and triangles of a hull, counter-clockwise from outside.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hull: Option<Surface>,
 }
@@ -50,7 +50,7 @@ impl Solid {
     }
 }
 
-/// What the links look like, or substitutes.
+/// Visual shapes of the links, or bones in their place.
 pub(super) fn solids(system: &System) -> Vec<Solid> {
     let mut all: Vec<_> = system
         .visuals()
@@ -74,7 +74,7 @@ pub(super) fn solids(system: &System) -> Vec<Solid> {
 
 /// The scene's shapes other than planes and meshes.
 pub(super) fn standing(body: &Collider) -> Option<Solid> {
-    // Parry's round shapes lie along y.
+    // Parry's cylinders lie along y.
     let turned = body.pose * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
     let shape = &body.shape;
     let (kind, pose) = if let Some(ball) = shape.as_ball() {
@@ -89,8 +89,8 @@ pub(super) fn standing(body: &Collider) -> Option<Solid> {
     Some(Solid::primitive(None, &pose, kind))
 }
 
-/// Of links that look like nothing: from their joint to the next ones, and to what they touch with. Where there is neither, a cube of the
-/// link's inertia.
+/// Bones for links without visuals: from a link's joint to the joints of its children, and to the mean of its contact
+/// points. Without either, a cube with the link's inertia.
 fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
     let (robot, cable) = (&system.robot, system.source == Source::Cable);
     let bare = (0..robot.links.len()).filter(|link| seen.iter().all(|solid| solid.link != Some(*link)));
@@ -105,10 +105,8 @@ fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
         ends
     };
     let bone = |link: usize, end: Vector3<f64>| {
-        let turn = UnitQuaternion::rotation_between(&Vector3::z(), &end)
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), PI));
-        let pose = Isometry3::from_parts((0.5 * end).into(), turn);
-        // A cable is as thick as what it touches with, and of one colour.
+        let pose = Isometry3::from_parts((0.5 * end).into(), rotation_from(&Vector3::z_axis(), &end));
+        // A cable has the radius of its contact points, and one colour.
         let round = robot.contact_points.iter().find(|p| cable && p.link == link).map(|p| p.radius);
         let (radius, hue) = (round.unwrap_or(THICK * end.norm()), if cable { CABLE } else { hue(link) });
         Solid { hue, ..Solid::new(Some(link), &pose, "capsule", vec![radius, 0.5 * end.norm()]) }
@@ -137,12 +135,12 @@ pub(super) fn numbers(pose: &Isometry3<f64>) -> [f32; 7] {
     [p.x, p.y, p.z, q.x, q.y, q.z, q.w].map(rounded)
 }
 
-/// A tenth of a millimetre is more than a pixel shows.
+/// Rounds to a tenth of a millimetre, less than a pixel.
 pub(super) fn rounded(x: f64) -> f32 {
     ((x * 1e4).round() / 1e4) as f32
 }
 
-/// What [`numbers`] wrote.
+/// The pose from [`numbers`].
 pub(super) fn isometry(pose: &[f32; 7]) -> Isometry3<f64> {
     let [x, y, z, i, j, k, w] = pose.map(f64::from);
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)))

@@ -1,4 +1,4 @@
-//! A run's identity, and the card of its model.
+//! The identity of a run, and the card of its model.
 
 use nerd_model::transformer::Storage;
 
@@ -7,16 +7,16 @@ use crate::records::rows;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
 
-/// Weights of a network beyond which they are stored in 16 bits: a small one errs so little that rounding would be most of its error.
+/// Networks with more weights are stored in f16. A small network errs so little that rounding would dominate its error.
 const LARGE: usize = 1_000_000;
 /// Starts of the verdict on a new model.
 const JUDGED: usize = 16;
 
-/// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
+/// Settings and data that determine a run's bytes. Checkpoints store them, so that no run is resumed as another one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Identity {
     pub robot: String,
-    /// Of the robot alone, and of how it is started, driven and controlled too.
+    /// SHA-256 of the robot alone, and of the robot with its starts, drives and controller.
     pub robot_sha256: String,
     pub system_sha256: String,
     pub truth: String,
@@ -27,56 +27,57 @@ pub(super) struct Identity {
     #[serde(skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
-    /// Frames of a rollout in training, where it goes through them.
+    /// Frames of a rollout in training, if training goes through rollouts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unrolled: Option<usize>,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
-    /// Of the targets, where it is not the usual one.
+    /// Epsilon of the targets' variance, unless it is the default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     pub arithmetic: String,
-    /// Starts of the rollouts that choose the weights.
+    /// Starts of the rollouts in the criterion.
     pub rollouts: usize,
     pub frames: usize,
     pub torque_scale: f64,
     pub hold: usize,
     pub resets: f64,
-    /// Who acts in part of the data, by content, and in what part.
+    /// Policies (by content) that act in a part of the data, and their share.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub policies: Option<String>,
-    /// Of recorded motion, what nothing learns from.
+    /// Held-out trajectories of recorded motion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
     /// Transitions recorded during the run.
     pub fresh: usize,
-    /// What the weights it started from had been through, and what they were.
+    /// History and SHA-256 of the model that the run started from.
     pub from: Option<String>,
     pub from_sha256: Option<String>,
 }
 
 impl Identity {
-    /// That of a run, as far as it is known before its data is.
+    /// The identity of a run, except its data.
     pub fn of(plan: &Plan) -> Self {
-        let RunConfig { record, variant, epsilon, rollouts, transitions, fresh, .. } = &plan.config;
+        let RunConfig { record, rollouts, transitions, .. } = &plan.config;
         let RecordConfig { frames, torque_scale, hold, resets, .. } = *record;
+        let Form { base, view, told } = plan.mode.form();
         let parent = plan.parent.as_ref().map(|p| &p.config);
         Self {
             robot: plan.system.name.clone(),
             robot_sha256: plan.system.robot_sha256(),
             system_sha256: plan.system.sha256(),
             truth: plan.truth(),
-            base: plan.form.base,
-            view: plan.form.view,
-            told: plan.form.told,
-            variant: *variant,
+            base,
+            view,
+            told,
+            variant: if let Mode::Chain { .. } = plan.mode { Variant::Chain } else { Variant::Nerd },
             network: plan.network,
-            unrolled: plan.config.unrolled(),
+            unrolled: plan.mode.frames(),
             learner: plan.learner,
             trainer: plan.trainer,
-            epsilon: *epsilon,
+            epsilon: if let Start::Random { epsilon } = plan.mode.start() { epsilon } else { None },
             arithmetic: plan.arithmetic.clone(),
             rollouts: *rollouts,
             frames,
@@ -87,21 +88,22 @@ impl Identity {
             held_out: plan.measured.as_ref().map(Measured::held_out),
             data_sha256: String::new(),
             transitions: *transitions,
-            fresh: *fresh,
+            fresh: plan.fresh,
             from: parent.map(history),
             from_sha256: parent.map(|config| config.model_sha256.clone()),
         }
     }
 }
 
-/// The state to go on from, if the folder holds one of this very run. Before its data is there, that is not looked at.
+/// The state to resume from, if the folder has one. Refuses the state of another run; data is compared once it is
+/// known.
 pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
     let path = checkpoint::last(out);
     if !path.exists() {
         return Ok(None);
     }
     let mut found: serde_json::Value = serde_json::from_str(&checkpoint::config(&path)?).map_err(Error::file(&path))?;
-    // Through a text, as what was found went: as values alone, numbers of four bytes are widened.
+    // Through a text, like the stored one: a value alone would widen f32 to f64.
     let asked = serde_json::to_string(run).map_err(Error::file(&path))?;
     let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::file(&path))?;
     if run.data_sha256.is_empty() {
@@ -120,7 +122,7 @@ pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>
     ModelConfig {
         robot: run.robot.clone(),
         robot_sha256: run.robot_sha256.clone(),
-        // Saving makes it.
+        // Set when the model is saved.
         model_sha256: String::new(),
         truth: run.truth.clone(),
         base: run.base,
@@ -135,12 +137,12 @@ pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>
     }
 }
 
-/// What a model has been through, in one line.
+/// The training history of a model, in one line.
 fn history(config: &ModelConfig) -> String {
     let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
     let ModelConfig { updates, batch, transitions, .. } = config;
     let run = format!("{} of a run of {updates} updates of {batch} windows on {transitions} transitions", row("weights"));
-    // The names of those who acted are on its own card.
+    // The policies' names are on that model's card.
     let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
     let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));
     let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
@@ -188,7 +190,7 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
     let storage = if weights.flat.len() > LARGE { Storage::F16 } else { Storage::F32 };
     Model { config, normalizer, weights }.save(&folder, &card, storage)?;
     tell!("model written to {}", folder.display());
-    // A model is there whatever becomes of its verdict.
+    // The model stays, even if its verdict fails.
     match verdict_on(plan, &folder, &card) {
         Ok(Some(verdict)) => tell!("{verdict}"),
         Ok(None) => {}
@@ -197,7 +199,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
     Ok(())
 }
 
-/// What the model in a folder, as it was stored, is worth on its robot's usual scene, from starts that chose nothing; its card ends with it.
+/// The verdict on the stored model in the robot's usual scene, from starts that no selection used. It is appended to
+/// the card.
 fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>> {
     let Plan { system, config, .. } = plan;
     let model = Model::load(folder, system, None)?;
@@ -207,7 +210,7 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
-    // An arm that holds its pose does not move.
+    // A fixed arm that holds its pose does not move.
     let action = if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
     let seed = config.record.seed.wrapping_add(2_000);
     let protocol = PassiveConfig { starts: JUDGED, steps: horizon(&system.name), seed, action };

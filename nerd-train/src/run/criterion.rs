@@ -1,4 +1,4 @@
-//! The criterion that selects a run's weights.
+//! The criterion that selects the weights of a run: rollout error.
 
 use super::card::model_config;
 use super::data::Judge;
@@ -6,12 +6,12 @@ use super::*;
 use crate::evaluate::{PassiveReport, Pieces, passive};
 use crate::unroll::chain::distance;
 
-/// Counted where a rollout is gone (rad or m): such weights rank behind all others.
+/// Added to the criterion (rad or m) if a rollout diverged, so that such weights rank last.
 const ASTRAY: f64 = 1e3;
 
-/// Mean error over the paper's horizon, in free space and, where there is one, on the first ground; of recorded motion on the part that
-/// chooses. Of a chain that of its nodes (m) along motions like those it learns from, of a
-/// family that of robots of it. Infinite if a rollout failed.
+/// Mean error of rollouts over the paper's horizon, in the robot's first two usual scenes (free space, ground).
+/// Recorded motion: on the part that chooses. Family: on new robots. Chain: mean error of the nodes (m) along motions
+/// as in training. Infinite if a rollout failed.
 pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
     let Plan { config, system, .. } = plan;
     let Judge { normalizer, motions } = judge;
@@ -41,7 +41,8 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     Ok(total / scenes.len() as f64)
 }
 
-/// Driven rollouts of robots of a family that nothing learns from, each after half of the frames that a prediction depends on.
+/// Rollouts of new robots of a family with random torques. The history has half of the frames that a prediction depends
+/// on.
 fn family(plan: &Plan) -> Result<Pieces> {
     let Plan { config, system, .. } = plan;
     let before = plan.network.reach() / 2;
@@ -53,10 +54,10 @@ fn family(plan: &Plan) -> Result<Pieces> {
 
 fn figure(report: &PassiveReport) -> f64 {
     if report.failed > 0 {
-        // Where they stood when they failed says nothing of how far they would have gone.
+        // A failed rollout stays in place, so its error is meaningless.
         return f64::INFINITY;
     }
-    // Where a rollout left all reasonable numbers its error was frozen, which may have been lucky.
+    // The error of a diverged rollout was frozen, possibly at a small value.
     let gone = if report.first_divergence.is_some() { ASTRAY } else { 0.0 };
     report.error.iter().sum::<f64>() / report.error.len() as f64 + gone
 }

@@ -8,13 +8,13 @@ use crate::prepare::{Prepared, moments, normalize, read, tokens};
 use crate::unroll::chain::{Cable, Loss, scales};
 use crate::unroll::robot::Robot;
 
-/// Transitions that are validated on, and the paper's distance of their seed from the training data's.
+/// Validation transitions, and offset of their seed from the training seed (paper).
 const VALIDATION: (usize, u64) = (200_000, 10);
 
 pub(super) struct Data {
     pub sha256: String,
     pub transitions: usize,
-    /// Places that a draw may begin with.
+    /// Possible first frames of a training sample.
     pub windows: usize,
     pub judge: Judge,
     pub sets: Sets,
@@ -25,22 +25,22 @@ pub(super) struct Judge {
     pub motions: Option<Arc<Motions>>,
 }
 
-/// What it trains on, and validates with.
+/// Training and validation data.
 pub(super) enum Sets {
     Windows([Arc<Windows>; 2]),
     Cable(Box<Course<Cable>>),
     Robot(Box<Course<Robot>>),
 }
 
-/// Motions that a run before has read or recorded: those of a recipe have mostly the same.
+/// Motions that earlier runs have read or recorded; the runs of a recipe share most of them.
 #[derive(Default)]
 pub(super) struct Cache(Mutex<Vec<(String, Arc<Motions>)>>);
 
-/// Sets that are kept: to train on, and to be judged by.
+/// Entries of the cache: motions for training and for validation.
 const KEPT: usize = 2;
 
 impl Cache {
-    /// The motions of this name, or else what is made.
+    /// The motions stored under `name`, or else the result of `make`, which is then stored.
     fn get(&self, name: impl std::fmt::Debug, make: impl FnOnce() -> Result<Motions>) -> Result<Arc<Motions>> {
         let (name, mut all) = (format!("{name:?}"), self.0.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some((_, found)) = all.iter().find(|(known, _)| *known == name) {
@@ -55,27 +55,26 @@ impl Cache {
 }
 
 impl Data {
-    /// Records or reads what a run learns from.
+    /// Records or reads the data of a run.
     pub fn of(plan: &Plan, cache: &Cache) -> Result<Self> {
-        if plan.config.unrolled().is_some() { Self::motions(plan, cache) } else { Self::windows(plan) }
+        if plan.mode.frames().is_some() { Self::motions(plan, cache) } else { Self::windows(plan) }
     }
 
     fn windows(plan: &Plan) -> Result<Self> {
-        let Plan { config, system, form, .. } = plan;
-        let (record, sequence) = (&config.record, plan.network.sequence());
+        let Plan { config, system, .. } = plan;
+        let (record, sequence, form) = (&config.record, plan.network.sequence(), plan.mode.form());
         let (mut training, mut validation) = match &plan.measured {
             Some(measured) => {
-                let part =
-                    |part: &[_]| Ok::<_, Error>(tokens(system, &measured.recording(part, record.frames, sequence)?, sequence, *form));
+                let part = |part: &[_]| Ok::<_, Error>(tokens(system, &measured.recording(part, record.frames, sequence)?, sequence, form));
                 (Prepared { windows: part(&measured.learned)?, sha256: measured.sha256.clone() }, part(&measured.choosing)?)
             }
             None => {
                 let training = match &config.data {
-                    Some(folder) => read(system, &record.truth(system).name(), folder, sequence, *form)?,
-                    None => record.tokens(system, &plan.recording, (sequence, *form))?,
+                    Some(folder) => read(system, &record.truth(system).name(), folder, sequence, form)?,
+                    None => record.tokens(system, &plan.recording, (sequence, form))?,
                 };
                 let validation = validation(plan, VALIDATION.0.min(config.transitions));
-                (training, record.tokens(system, &validation, (sequence, *form))?.windows)
+                (training, record.tokens(system, &validation, (sequence, form))?.windows)
             }
         };
         let windows = &training.windows;
@@ -84,7 +83,9 @@ impl Data {
         }
         let own = || {
             let mut own = moments(windows);
-            own.outputs.epsilon = config.epsilon.unwrap_or(own.outputs.epsilon);
+            if let Start::Random { epsilon: Some(epsilon) } = plan.mode.start() {
+                own.outputs.epsilon = epsilon;
+            }
             if form.base == Base::Trapezoid {
                 trapezoid::level(&system.robot, system.frame_time, &mut own.outputs);
             }
@@ -109,7 +110,7 @@ impl Data {
         let truth = record.truth(system).name();
         let recorded =
             |what: &GenerateConfig| cache.get((&config.robot, &truth, what, config.device), || record.motions(system, what, config.device));
-        let frames = config.unrolled().unwrap_or(1);
+        let frames = plan.mode.frames().unwrap_or(1);
         let (motions, validation) = match &plan.measured {
             Some(measured) => {
                 let part = |part: &[_]| Ok::<_, Error>(Motions::of(measured.recording(part, record.frames, frames)?, &measured.scene()?));
@@ -125,29 +126,26 @@ impl Data {
                 (motions, recorded(&validation(plan, config.rollouts.max(1) * record.frames))?)
             }
         };
-        let (normalizer, sets) = match (config.variant, &plan.parent) {
-            (Variant::Chain, parent) => {
+        let (train, choosing) = (motions.clone(), validation.clone());
+        let (normalizer, sets) = match (&plan.mode, &plan.parent) {
+            (Mode::Rollouts { .. }, Some(Model { normalizer, .. })) => {
+                let body = Robot::new(system, plan.mode.form(), normalizer, &motions);
+                (normalizer.clone(), Sets::Robot(Box::new(Course { body, train, validation: choosing, frames })))
+            }
+            (_, parent) => {
                 let chain = plan.chain()?;
                 let (own, velocity) = scales(&chain, &motions);
                 let normalizer = parent.as_ref().map_or(own, |p| p.normalizer.clone());
                 let scale = ChainSolver::scale(&normalizer).map_err(Error::Refused)?;
                 let body = Cable { loss: Loss::new(&scale, velocity, frames), chain, scale };
-                (normalizer, Sets::Cable(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })))
+                (normalizer, Sets::Cable(Box::new(Course { body, train, validation: choosing, frames })))
             }
-            (_, Some(parent)) => {
-                let body = Robot::new(system, plan.form, &parent.normalizer, &motions);
-                (
-                    parent.normalizer.clone(),
-                    Sets::Robot(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })),
-                )
-            }
-            (_, None) => refuse!("--sequence {frames}: a model to go on from is needed: --from"),
         };
         Ok(Self {
             sha256: motions.sha256.clone(),
             transitions: motions.len() * motions.frames,
             windows: motions.len() * motions.frames,
-            judge: Judge { normalizer, motions: (config.variant == Variant::Chain).then_some(validation) },
+            judge: Judge { normalizer, motions: matches!(plan.mode, Mode::Chain { .. }).then_some(validation) },
             sets,
         })
     }

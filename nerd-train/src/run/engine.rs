@@ -1,4 +1,4 @@
-//! The learner of a network, by device.
+//! Chooses the learner of a run by device and data.
 
 use super::data::Sets;
 use super::*;
@@ -11,7 +11,7 @@ use crate::learner::cuda::{CudaLearner, Precision};
 use crate::unroll::CudaUnrollLearner;
 use crate::unroll::{Body, UnrollLearner};
 
-/// What learns, at the state it goes on from.
+/// The learner of a run, resumed at `state`.
 pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box<dyn Learner>> {
     let learner = plan.learner;
     Ok(match (plan.config.device, sets) {
@@ -19,20 +19,19 @@ pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box
         #[cfg(feature = "burn")]
         (device @ (Device::Flex | Device::Wgpu), Sets::Windows(sets)) => {
             let made = BurnLearner::new(learner, state, sets, &device.burn()?)?;
-            // A card wants all windows at once.
+            // A GPU wants all windows in one shard.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }
         (Device::Cpu, Sets::Cable(course)) => unrolled(plan, state, *course)?,
-        (Device::Cpu, Sets::Robot(course)) => unrolled(plan, state, *course)?,
+        (_, Sets::Robot(course)) => unrolled(plan, state, *course)?,
         #[cfg(feature = "cuda")]
-        (Device::Cuda, Sets::Cable(course)) => Box::new(CudaUnrollLearner::new(&plan.system, learner, precision(plan), state, *course)?),
-        (device, Sets::Cable(_) | Sets::Robot(_)) => refuse!("--device {device} does not train this through many frames: use cpu"),
+        (_, Sets::Cable(course)) => Box::new(CudaUnrollLearner::new(&plan.system, learner, precision(plan), state, *course)?),
         #[cfg(feature = "cuda")]
         (Device::Cuda | Device::CudaF32, Sets::Windows([train, validation])) => {
             Box::new(CudaLearner::new(learner, precision(plan), state, [&train, &validation])?)
         }
         #[cfg(not(all(feature = "cuda", feature = "burn")))]
-        (device, Sets::Windows(_)) => refuse!("this build has no --device {device}"),
+        (device, _) => refuse!("this build has no --device {device}"),
     })
 }
 
@@ -41,7 +40,7 @@ fn precision(plan: &Plan) -> Precision {
     if plan.config.f32 { Precision::F32 } else { Precision::Tf32 }
 }
 
-/// What learns through many frames on the CPU.
+/// The learner through rollouts on the CPU.
 fn unrolled<B: Body + 'static>(plan: &Plan, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
     memory::unrolled(&plan.network, course.frames)?;
     Ok(Box::new(UnrollLearner::new(plan.learner, state, course)?))

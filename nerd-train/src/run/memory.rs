@@ -1,21 +1,21 @@
-//! A run's need of memory; too much is refused before it begins.
+//! Estimates the memory of a run, and refuses too much before it begins.
 
 use super::*;
 use crate::bounds::memory;
 use crate::unroll::ROLLOUTS;
 
-/// Windows that one thread of the CPU's learner passes at a time.
+/// Windows that one thread of the CPU learner processes at a time.
 const SHARD: usize = 32;
 
 /// Refuses a run that needs more memory than is free.
 pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<()> {
     let batch = config.batch;
-    // Shards, the set they are joined in, and that while it grows.
+    // Shards, the joined set, and its copy while it grows.
     memory(&[("--transitions", config.transitions)], 3 * 4 * (network.inputs + network.outputs))?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     let on_cpu = config.device == Device::Cpu;
-    // Weights, average and two moments, and copies of them for checkpoints and rollouts; on the CPU a network each thread and a
-    // gradient each shard.
+    // Weights, average, two moments, and copies for checkpoints and rollouts. On the CPU also a network per thread and
+    // a gradient per shard.
     let copies = 10 + if on_cpu { 2 * threads + batch.div_ceil(SHARD) } else { 0 };
     memory(&[("parameters", network.parameters()), ("copies", copies)], 4)?;
     if on_cpu {
@@ -28,14 +28,14 @@ pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<(
     memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
 }
 
-/// The same for rollouts of `frames` frames: every thread keeps the activations of all frames.
+/// Refuses rollouts of `frames` frames in training if their activations do not fit: each thread keeps all frames.
 pub(super) fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     let row = 10 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
     memory(&[("--sequence", frames), ("threads", threads), ("tokens of a thread", ROLLOUTS * network.block)], 4 * row)
 }
 
-/// Numbers that a forward and backward pass keeps of a token, about.
+/// Numbers that a forward and backward pass keeps per token, roughly.
 fn of_token(network: &TransformerConfig) -> usize {
     let TransformerConfig { inputs, outputs, embedding, layers, heads, history, head, .. } = *network;
     layers * (24 * embedding + 2 * heads * history) + 8 * embedding + 4 * head + inputs + outputs

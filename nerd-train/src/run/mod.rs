@@ -1,30 +1,31 @@
-//! A training run from its settings to a model's folder.
+//! A training run, from its settings to the model's folder.
 //!
 //! ```no_run
 //! use nerd_train::run::{Run, RunConfig};
 //!
 //! let mut config = RunConfig::recipe("quick", "pendulum", "out/pendulum")?;
 //! config.updates = 12_000;
-//! let model = Run::new(&config)?.train()?; // `Some("out/pendulum/model")`, `None` if its minutes were over before
+//! let model = Run::new(&config)?.train()?; // `Some("out/pendulum/model")`, or `None` if its time ran out
 //! # Ok::<(), nerd_train::Error>(())
 //! ```
 //!
 //! ```text
-//! RunConfig ── Run::new ──▶ plan: network, learner, trainer                plan.rs; all that can be refused is refused here
+//! RunConfig ── Run::new ──▶ mode: the settings that its kind of run uses  mode.rs; others are refused
+//!                            ├─ plan: network, learner, trainer             plan.rs
 //!                            ├─ data: recorded or read, normalised         recording.rs, data.rs
 //!                            ├─ updates, validation by rollouts            engine.rs, criterion.rs
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! The run's folder holds `run.json`,
-//! `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`; the same settings again continue it. A [`Recipe`] is a file of
-//! settings, of one run or of several that follow each other.
+//! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`; the
+//! same settings resume it. A [`Recipe`] is a file with the settings of one run, or of several that follow each other.
 
 mod card;
 mod criterion;
 mod data;
 mod engine;
 mod memory;
+mod mode;
 mod plan;
 mod recipe;
 mod recording;
@@ -44,6 +45,7 @@ use crate::unroll::{Course, Motions};
 use card::Identity;
 use plan::Plan;
 
+pub use mode::{Context, Mode, Source, Start, Stored};
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
 pub use settings::{RunConfig, Variant};

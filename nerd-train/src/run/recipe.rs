@@ -1,10 +1,10 @@
-//! A file of settings: one run, or a chain of runs, each from the weights of the one before.
+//! Recipes: files with the settings of one run or of a chain of runs. Each run starts from the weights before.
 //!
 //! ```toml
-//! robot = "cube"              # settings of every run, as `RunConfig` has them
+//! robot = "cube"              # settings of all runs, with the keys of `RunConfig`
 //! base = "trapezoid"
 //!
-//! [[run]]                     # and of each
+//! [[run]]                     # settings of each run
 //! updates = 70000
 //!
 //! [[run]]
@@ -12,8 +12,8 @@
 //! huber = 0.02
 //! ```
 //!
-//! A recipe of several runs keeps them in `OUT/1`, `OUT/2` and so on; the last one's model is the result. Shipped recipes are in
-//! `nerd-train/assets/runs`.
+//! A recipe of several runs keeps them in `OUT/1`, `OUT/2` and so on; the last model is the result. Shipped recipes are
+//! in `nerd-train/assets/runs`.
 
 use serde_json::Value;
 
@@ -28,28 +28,32 @@ const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpo
     "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "elbow-single"
     "ant-rapier");
 
-/// Keys of how data is recorded.
-const RECORDS: [&str; 7] = ["transitions", "fresh", "torque-scale", "hold", "resets", "policy", "policy-share"];
+/// Keys that concern recording.
+const RECORDS: [&str; 7] = ["transitions", "fresh-transitions", "torque-scale", "hold", "resets", "policy", "policy-share"];
 
-/// Runs to be made one after the other.
+/// Old keys of a file with their new ones; old keys are read for one version.
+const RENAMED: [(&str, &str); 4] =
+    [("rate", "learning-rate"), ("last-rate", "final-learning-rate"), ("told", "condition-on-params"), ("fresh", "fresh-transitions")];
+
+/// Runs to train one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recipe {
-    /// Each with a folder of its own.
+    /// Settings of the runs, each with its folder.
     pub runs: Vec<RunConfig>,
 }
 
 impl Recipe {
-    /// Names of those that come with the project: three that leave the robot open, one for each shipped model.
+    /// Names of the shipped recipes: general ones for any robot, and one for each shipped model.
     pub fn names() -> impl Iterator<Item = &'static str> {
         SHIPPED.iter().map(|(name, _)| *name)
     }
 
-    /// One run: the paper's settings, but for what is given.
+    /// One run with the paper's settings, overridden by `given`.
     pub fn plain(given: &Given) -> Result<Self> {
         Ok(Self { runs: vec![under(RunConfig::default(), given)?] })
     }
 
-    /// A shipped one, but for what is given.
+    /// The shipped recipe `name`, overridden by `given`.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
             refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
@@ -63,7 +67,7 @@ impl Recipe {
         Self::parse(&path, text, given)
     }
 
-    /// That of a file, but for what is given.
+    /// The recipe in a file, overridden by `given`.
     pub fn read(path: &Path, given: &Given) -> Result<Self> {
         let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
         Self::parse(path, &text, given)
@@ -76,41 +80,43 @@ impl Recipe {
             Ok(Value::Object(common)) => common,
             _ => return Err(wrong("no table of settings".into())),
         };
+        rename(&mut common, path);
         let runs = common.remove("run");
         let first = RunConfig::default().with(&common).map_err(wrong)?;
         let Some(runs) = runs else {
             return Ok(Self { runs: vec![under(first, given)?] });
         };
-        let own: Vec<Given> = serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
+        let mut own: Vec<Given> = serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
         if own.is_empty() {
             return Err(wrong("`run` is empty".into()));
         }
+        own.iter_mut().for_each(|own| rename(own, path));
         let mut runs: Vec<RunConfig> = Vec::new();
         for (k, own) in own.iter().enumerate() {
-            // The folder is the recipe's; a later run goes on from the one before, with its normaliser.
+            // The recipe sets the folder. A later run starts from the model before, with its normaliser.
             let theirs = if k == 0 { &["out"][..] } else { &["out", "from", "epsilon"] };
             if let Some(key) = theirs.iter().find(|key| own.contains_key(**key)) {
                 return Err(wrong(format!("run {}: `{key}` does not belong in its [[run]]: leave it out", k + 1)));
             }
             let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
             let next = link(own, given)?;
-            // Without a folder there is none below it.
+            // An empty folder stays empty, for the check of the settings.
             let out = if next.out.as_os_str().is_empty() { next.out.clone() } else { next.out.join(format!("{}", k + 1)) };
             runs.push(match runs.last() {
                 None => RunConfig { out, ..next },
-                // A run from a model has that one's normaliser.
+                // A run from a model uses the model's normaliser.
                 Some(before) => RunConfig { from: Some(before.out.join("model")), epsilon: None, out, ..next },
             });
         }
         Ok(Self { runs })
     }
 
-    /// Trains all runs that are not done yet; the folder of the last one's model, or none if time was over before.
+    /// Trains all runs that are not done. Returns the folder of the last model; none if time ran out.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         if let [one] = &self.runs[..] {
             return Run::new(one)?.train();
         }
-        self.runs.iter().try_for_each(RunConfig::check)?;
+        self.runs.iter().try_for_each(|run| run.check().map(drop))?;
         let (mut last, cache) = (None, Arc::default());
         for run in &self.runs {
             if let Some(done) = run.made()? {
@@ -129,7 +135,7 @@ impl Recipe {
 }
 
 impl RunConfig {
-    /// A shipped recipe of one run that leaves the robot open: `paper`, `small`, `quick`.
+    /// A shipped recipe of one run, for any robot: `paper`, `small`, `quick` or `urdf`.
     pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
         let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
         match &Recipe::named(name, &given)?.runs[..] {
@@ -138,7 +144,7 @@ impl RunConfig {
         }
     }
 
-    /// The folder of its model, if that is there and whole.
+    /// The folder of the run's model, if it exists and loads.
     pub fn made(&self) -> Result<Option<PathBuf>> {
         let (done, system) = (self.out.join("model"), self.system()?);
         let truth = self.log().map_or_else(|| self.record.truth(&system).name(), |log| Measured::name(&log));
@@ -151,21 +157,34 @@ impl RunConfig {
     }
 }
 
-/// A file's run under what is given. Where that is a model to start from, its epsilon takes the place of the file's.
+/// Gives old keys of a file their new names, with a note; a key with both names keeps the old one, which is refused.
+fn rename(given: &mut Given, path: &Path) {
+    for (old, new) in RENAMED {
+        if !given.contains_key(new)
+            && let Some(value) = given.remove(old)
+        {
+            tell!("note: {}: `{old}` is `{new}`; old names are read for one version", path.display());
+            given.insert(new.into(), value);
+        }
+    }
+}
+
+/// A file's run, overridden by `given`. If `given` names a model to start from, the model's epsilon replaces the
+/// file's.
 fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
     let mut run = own.with(given).map_err(Error::Refused)?;
     if given.contains_key("from") && !given.contains_key("epsilon") {
         run.epsilon = None;
     }
-    // What a recipe says of data is for data that is recorded.
+    // A recipe's settings of recording do not apply to a log, so only explicit ones are refused.
     if let Some(key) = RECORDS.iter().find(|key| given.contains_key(**key) && run.log().is_some()) {
         refuse!("--{key}: nothing is recorded where --data names a log; leave it out");
     }
     Ok(run)
 }
 
-/// A run of a chain with what is given. Its runs are of different lengths: `updates` and `transitions` that are given for all are
-/// most that each may have, for a rehearsal.
+/// A run of a chain, overridden by `given`. The runs differ in length, so `updates` and `transitions` in `given` are
+/// upper bounds for each, for a rehearsal.
 fn link(own: RunConfig, given: &Given) -> Result<RunConfig> {
     let most = (own.updates, own.transitions);
     let mut run = under(own, given)?;
@@ -175,7 +194,7 @@ fn link(own: RunConfig, given: &Given) -> Result<RunConfig> {
         run.validate_every = None;
     }
     if given.contains_key("transitions") {
-        run.fresh = run.fresh.min(run.transitions);
+        run.fresh_transitions = run.fresh_transitions.min(run.transitions);
     }
     Ok(run)
 }

@@ -8,42 +8,45 @@ use crate::device::truth_on_card;
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate};
 
-/// Motions that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
+/// Trajectories of a shard of motions: few on the CPU, so that all threads have work; many on a GPU, which all threads
+/// share.
 const ON_CPU: usize = 16;
 const ON_CARD: usize = 256;
 
 settings! {
-    /// What is recorded. The defaults are the paper's.
+    /// Settings of a recording. The defaults are the paper's.
     pub struct RecordConfig {
-        /// What is recorded: articulated (accurate), paper (the reference simulator's method) or rapier [default: the robot's own,
-        /// paper for robots NAME-paper, else articulated]
+        # "Recording"
+        /// Solver that is recorded: articulated, paper (the reference simulator's method) or rapier [default: the
+        /// robot's own, paper for robots NAME-paper, else articulated]
         truth: Option<Truth> = None, Words(&["articulated", "paper", "rapier"]);
-        /// Frames of a trajectory; if they are few, data has many starts and first contacts
-        frames: usize = 100, Whole(FRAMES);
-        /// Lower end of the factor on the random torques, drawn once per trajectory from U(this, 1); a draw below 0 counts as 0 (-1: half
-        /// of the trajectories are passive, as in rollouts)
-        torque_scale: f64 = 1.0, Number(-10.0..=1.0);
-        /// Largest number of frames for which a random action is held, drawn once per trajectory
-        hold: usize = 1, Whole(FRAMES);
-        /// Share of the trajectories that start as evaluations and tasks do, instead of from the training ranges
-        resets: f64 = 0.0, Number(0.0..=1.0);
-        /// Folders of policies that act in part of the data, each in its own task, since random torques seldom go where policies go. Noise
-        /// is added; a quarter of their trajectories begin fast, and in a quarter policies take turns
-        policy: Vec<PathBuf> = Vec::new(), Texts;
-        /// Share of the trajectories that policies act in
-        policy_share: f64 = 0.5, Number(0.0..=1.0);
-        /// Seed of the data, and in a run of weights and windows (the paper: 0 to train, 10 to validate)
+        /// Frames per trajectory. Short trajectories give more starts and first contacts
+        frames: usize = 100, Whole(FRAMES), "N";
+        /// Lower bound of the factor on random torques, drawn once per trajectory from U(this, 1). Factors below 0
+        /// count as 0. With -1, half of the trajectories are passive, as in evaluations
+        torque_scale: f64 = 1.0, Number(-10.0..=1.0), "FACTOR";
+        /// Largest number of frames over which a random action stays constant. The number is drawn once per trajectory
+        hold: usize = 1, Whole(FRAMES), "FRAMES";
+        /// Share of trajectories that start from the ranges of evaluations and tasks, in place of the training ranges
+        resets: f64 = 0.0, Number(0.0..=1.0), "SHARE";
+        /// Folders of policies, comma-separated, that act in part of the trajectories, each in its own task. Action
+        /// noise is added. A quarter of these trajectories begin fast, and in a quarter several policies alternate
+        /// [default: none]
+        policy: Vec<PathBuf> = Vec::new(), Texts, "FOLDERS";
+        /// Share of trajectories in which the policies of --policy act
+        policy_share: f64 = 0.5, Number(0.0..=1.0), "SHARE";
+        /// Seed of the data, and in a training run of initial weights and windows (the paper: 0; validation: 10)
         seed: u64 = 0, Whole(SEEDS);
     }
 }
 
 impl RecordConfig {
-    /// What is recorded.
+    /// The truth to record.
     pub fn truth(&self, system: &System) -> Truth {
         self.truth.unwrap_or(system.spec.truth)
     }
 
-    /// The simulator's settings for `transitions` transitions, or up to a trajectory more; reads the policies.
+    /// The generator's settings for `transitions` transitions, rounded up to whole trajectories. Reads the policies.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
         if let Err(reason) = self.truth(system).check(&system.robot, system.spec.self_collision) {
             refuse!("--truth: {reason}");
@@ -56,7 +59,7 @@ impl RecordConfig {
         Ok(config)
     }
 
-    /// The policies that act in part of the data.
+    /// The policies that act in a part of the data, and their share.
     fn pilot(&self, system: &System) -> Result<Option<(Arc<dyn Pilot>, f64)>> {
         if self.policy.is_empty() {
             if self.policy_share != Self::default().policy_share {
@@ -68,7 +71,8 @@ impl RecordConfig {
         for folder in &self.policy {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
             let task = nerd_tasks::named(&config.task)?;
-            // A policy of the robot that a family is like acts on all of the family. A task may give its robot other substeps, or rotors.
+            // A policy of the nominal robot acts on all of a family. A task may give its robot other substeps, or
+            // rotors.
             let its = task.system()?;
             let alike = system.alike(&its).and_then(|()| match its.name == system.name || system.spec.vary.is_some() {
                 true => Ok(()),
@@ -82,15 +86,15 @@ impl RecordConfig {
         Ok(Some((Arc::new(Policies::new(policies)), self.policy_share)))
     }
 
-    /// Who acts in which share of the trajectories, for a card: policies by the names of their folders and the first digits of
-    /// their hashes.
+    /// Policies and their share of the trajectories, for a card: names of their folders and first digits of their
+    /// hashes.
     pub(super) fn actors(&self) -> Result<String> {
         if self.policy.is_empty() || self.policy_share == 0.0 {
             return Ok("in none of the trajectories".into());
         }
         let name = |folder: &PathBuf| -> Result<String> {
             let sha256 = crate::ppo::folder::load(&shipped::find(folder))?.1.sha256();
-            // A run has it in its folder `policy`.
+            // A run keeps its policy in the folder `policy`.
             let whole = if folder.ends_with("policy") { folder.parent() } else { None }.unwrap_or(folder);
             Ok(format!("{} {}", whole.file_name().unwrap_or_default().to_string_lossy(), &sha256[..8]))
         };
@@ -98,10 +102,10 @@ impl RecordConfig {
         Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
     }
 
-    /// Records `transitions` transitions into a folder; keeps shards that exist.
+    /// Records `transitions` transitions into a folder; existing shards stay.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let robot = &system.robot;
-        // A shard is recorded, turned into bytes and written: three times its numbers.
+        // Recorded, as bytes and while written: three copies of a shard.
         let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
@@ -116,7 +120,7 @@ impl RecordConfig {
         Ok(manifest)
     }
 
-    /// Records in memory, as motions; on a card in 64 bits, some motions a thread.
+    /// Records motions in memory; on CUDA the articulated truth runs on the GPU in f64.
     pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig, device: Device) -> Result<Motions> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);
@@ -128,7 +132,7 @@ impl RecordConfig {
         };
         let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
         let motions = match record(on_card) {
-            // What is too large for the card, or has no kernels; whatever else it was the CPU says again.
+            // The robot is too large for the GPU, or has no kernels. Other errors recur on the CPU.
             Err(error) if on_card => {
                 tell!("{error}; it is recorded on the CPU");
                 bar.set(0);

@@ -1,4 +1,4 @@
-//! One run: its data, its updates and its model.
+//! One run: data, updates and model.
 
 use super::card::{export, resume};
 use super::criterion::rollout_error;
@@ -10,20 +10,20 @@ use crate::records::{Session, ours};
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{Outcome, Trainer};
 
-/// What settings come to, ready to train.
+/// A checked run, ready to train.
 pub struct Run {
     plan: Plan,
-    /// What the runs before it have read or recorded.
+    /// Motions of earlier runs.
     pub(super) cache: Arc<Cache>,
 }
 
 impl Run {
-    /// The run of these settings.
+    /// Checks the settings and plans the run.
     pub fn new(config: &RunConfig) -> Result<Self> {
         Ok(Self { plan: Plan::new(config)?, cache: Arc::default() })
     }
 
-    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
+    /// Trains, or resumes training. Returns the folder of the model after the last update; none if time ran out before.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         let (Self { plan, cache }, started) = (self, Instant::now());
         let (config, out) = (&plan.config, &plan.config.out);
@@ -42,7 +42,7 @@ impl Run {
         Ok(made.map(|()| out.join("model")))
     }
 
-    /// The best weights so far as a model.
+    /// Exports the best weights so far as a model.
     fn finish(&self, identity: &Identity, judge: Judge) -> Result<()> {
         let best = self.trainer(identity)?.best()?;
         let Some(best) = best else { refuse!("{}: no validated weights of this very run", self.plan.config.out.display()) };
@@ -50,16 +50,16 @@ impl Run {
         export(&self.plan, identity, judge.normalizer, best.weights, chosen)
     }
 
-    /// What is left of the updates, and then the model, if there was time for all of them. Each validation ends a
-    /// line of `sessions.jsonl`.
+    /// Makes the remaining updates, and the model if time was enough. Each validation writes a line of
+    /// `sessions.jsonl`.
     fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
         let (plan, out) = (&self.plan, &self.plan.config.out);
         let (Data { judge, sets, windows, .. }, step) = (data, state.step);
         let mut trainer = self.trainer(identity)?;
         let fresh = self.supply(&judge.normalizer, step)?;
-        // A device that refuses leaves nothing behind.
+        // A device that refuses the run must leave no files behind.
         let mut engine = engine(plan, state, sets)?;
-        // Time that was spent until here is spent.
+        // Preparation counts as time of the run.
         trainer.stop_at = self.left(started);
         let path = out.join("run.json");
         let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
@@ -73,12 +73,12 @@ impl Run {
             Ok(())
         };
         let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>> {
-            // Early weights may leave; that is an infinite error, not the end of the run.
+            // Rollouts of early weights may fail: an infinite error, not the end of the run.
             let lost = |e: Error| {
                 tell!("{e}");
                 f64::INFINITY
             };
-            let weights = if plan.config.rolls() { Some(learner.state()?.averaged()) } else { None };
+            let weights = if plan.rolls() { Some(learner.state()?.averaged()) } else { None };
             let error = weights.map(|weights| rollout_error(plan, identity, &judge, weights).unwrap_or_else(lost));
             log(step)?;
             Ok(error)
@@ -101,23 +101,23 @@ impl Run {
         Ok(Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run))
     }
 
-    /// What is left of its minutes, a second at least.
+    /// Remaining time of the run, at least a second.
     fn left(&self, started: Instant) -> Option<Duration> {
-        // More minutes than a duration holds are no limit.
+        // Minutes beyond the range of a duration are no limit.
         let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
         self.plan.config.minutes.and_then(left)
     }
 
-    /// Fresh data from update `step` on, if it is asked for.
+    /// The supply of fresh data from update `step` on, if the run has any.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         let plan = &self.plan;
-        let (fresh, data) = (plan.config.fresh, GenerateConfig { until: None, ..plan.recording.clone() });
+        let (fresh, data) = (plan.fresh, GenerateConfig { until: None, ..plan.recording.clone() });
         if fresh == 0 {
             return Ok(None);
         }
         let (truth, system) = (plan.config.record.truth(&plan.system), plan.system.clone());
         let shards = fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
-        let (updates, history, form, normalizer) = (plan.trainer.updates, plan.network.sequence(), plan.form, normalizer.clone());
+        let (updates, history, form, normalizer) = (plan.trainer.updates, plan.network.sequence(), plan.mode.form(), normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
         Ok(Some(Supply::new(&plan.system, move || truth.solver(&system), config)?))
     }
@@ -135,9 +135,10 @@ impl Run {
         format!("moving average {} at update {}, chosen by criterion {:.5}", self.plan.learner.average, best.step, best.criterion)
     }
 
-    /// The best average, or the last weights: where the rate has fallen to zero they need none, and may be better than it.
+    /// The best average or the last weights, by criterion. After a decay of the rate to zero, the last weights need no
+    /// average and may be better.
     fn choose(&self, identity: &Identity, judge: &Judge, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
-        if self.plan.config.rolls() {
+        if self.plan.rolls() {
             let last = engine.state()?.weights;
             let found = rollout_error(&self.plan, identity, judge, last.clone()).unwrap_or(f64::INFINITY);
             if found < best.criterion {

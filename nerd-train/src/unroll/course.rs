@@ -1,26 +1,26 @@
-//! What a network learns from, and where the rollouts of an update start.
+//! Training motions, and the starts of an update's rollouts.
 
 use super::*;
 
 /// Adam's betas: small, since gradients change as rollouts grow longer.
 pub(super) const BETA: [f64; 2] = [0.9f32 as f64, 0.98f32 as f64];
-/// Share of rollouts that restart in an update although they could continue.
+/// Share of rollouts that restart although they could continue.
 const ANEW: f64 = 0.1;
 
-/// Motions and what is asked of them.
+/// Motions, with the system and the length of rollouts.
 #[derive(Clone)]
 pub struct Course<B> {
-    /// What is rolled out.
+    /// System in the motions.
     pub body: B,
-    /// Motions that rollouts follow.
+    /// Training motions.
     pub train: Arc<Motions>,
-    /// Motions that single frames are validated on.
+    /// Motions for validation on single frames.
     pub validation: Arc<Motions>,
     /// Frames of a rollout, H.
     pub frames: usize,
 }
 
-/// Where a rollout begins if it restarts, and whether it does unconditionally.
+/// Start of a rollout if it restarts, and whether it must (`anew`).
 pub(super) struct Draw<V> {
     pub anew: bool,
     pub place: Place<V>,
@@ -37,10 +37,10 @@ impl<B: Body> Course<B> {
         Ok(())
     }
 
-    /// The draws of `rows` rollouts of an update.
+    /// Random draws for the `rows` rollouts of an update.
     pub(super) fn draws(&self, seed: u64, step: u64, rows: usize) -> Vec<Draw<B::View>> {
         let (mut rng, train) = (stream(seed, step), &self.train);
-        // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other.
+        // Draw all numbers for every rollout, so that one rollout never shifts the draws of another.
         let one = |_| {
             let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
             let (motion, frame) = (rng.random_range(0..train.len()), rng.random_range(0..=train.frames - self.frames));

@@ -1,8 +1,9 @@
-//! [`CudaUnrollLearner`]: updates through many frames, on the device.
+//! [`CudaUnrollLearner`]: updates through many frames on the device.
 //!
-//! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last
-//! frame on, `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept.
-//! All of it is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
+//! States at the end of an update and motions stay on the device. Forward, each frame is `look -> network -> advance`.
+//! Backward, from the last frame, it is `loss and look -> network -> output -> network back -> frame back`. Activations
+//! are recomputed instead of stored. One captured graph holds the whole update. The host draws the starts of rollouts,
+//! and reads back which rollouts may continue.
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
@@ -26,26 +27,26 @@ const KERNELS: [&str; 10] = [
     "unroll_add",
     "unroll_total",
 ];
-/// Number of torques in the network's input: the gripper's.
+/// Torques in the network's input: those on the gripper's axes.
 const LED: usize = 6;
-/// Recorded states that are sent at a time.
+/// Recorded states per upload.
 const SENT: usize = 1 << 16;
 
 /// Trains a cable's network on motions, as [`super::UnrollLearner`] does.
 pub struct CudaUnrollLearner {
-    /// Threads of a rollout, which is a block of its own.
+    /// Threads of a block; each rollout has a block.
     threads: usize,
     config: LearnerConfig,
     course: Course<Cable>,
-    /// Where the last update ended; a resumed run restarts all of them.
+    /// Places at the end of the last update; a resumed run restarts all rollouts.
     ended: Vec<Option<Place<View>>>,
     step: u64,
     network: Network,
     motions: Recorded,
     rollouts: Buffer<f64>,
-    /// `[frame][rollout]`.
+    /// States `[frame][rollout]`.
     states: Buffer<f64>,
-    /// Gradients by them, and what a frame keeps for its way back.
+    /// Gradients with respect to states, and data for a frame's backward pass.
     upstream: Buffer<f64>,
     kept: Buffer<f64>,
     by_tokens: Buffer<f32>,
@@ -57,10 +58,10 @@ pub struct CudaUnrollLearner {
 }
 
 impl CudaUnrollLearner {
-    /// Continues `state`.
+    /// Continues from `state`.
     ///
     /// # Errors
-    /// If no motion is as long as a rollout, a scene or the network has no kernels, or the device fails.
+    /// If motions are shorter than a rollout, scenes or network have no kernels, or the device fails.
     pub fn new(
         system: &Arc<System>,
         config: LearnerConfig,
@@ -99,11 +100,11 @@ impl CudaUnrollLearner {
         })
     }
 
-    /// Where this update's rollouts begin: the host's numbers of each.
+    /// Draws the starts of this update's rollouts; returns their rows for the device.
     fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
         let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
-        // Single frames are learned from the truth alone.
+        // Rollouts of one frame always start from the truth.
         let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
@@ -115,7 +116,7 @@ impl CudaUnrollLearner {
         Ok(rows)
     }
 
-    /// A kernel over all rollouts; its first arguments are these and the motions.
+    /// Launches a kernel over all rollouts; its first arguments are rollouts and motions.
     fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
         let Recorded { frames, states, torques, scenes } = &self.motions;
         let world = [self.rollouts.ptr, states.ptr, torques.ptr, scenes.ptr].map(Ptr);
@@ -126,7 +127,7 @@ impl CudaUnrollLearner {
         self.network.device.launch(kernel, (self.network.rows, 1), (self.threads, 1), 0, args)
     }
 
-    /// The gradient of an update, followed by the loss.
+    /// Computes the gradient of an update, followed by the loss.
     fn pass(&self) -> Result<(), DeviceError> {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
@@ -160,7 +161,7 @@ impl CudaUnrollLearner {
 struct Recorded {
     frames: usize,
     states: Buffer<f64>,
-    /// Those that are seen.
+    /// Torques on the gripper's axes.
     torques: Buffer<f64>,
     scenes: Buffer<f64>,
 }
@@ -204,7 +205,7 @@ impl Learner for CudaUnrollLearner {
         self.optimiser.progress(&self.network.device)
     }
 
-    /// As [`super::UnrollLearner`]'s, on the CPU.
+    /// As [`super::UnrollLearner`], on the CPU.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);

@@ -5,26 +5,26 @@ use nerd_sim::dataset::{begin, record, sha256_of};
 use super::*;
 use crate::prepare::{opened, recorded};
 
-/// Motions that are hashed together.
+/// Motions per hash.
 const HASHED: usize = 16;
 
 /// Motions of equal length, in f64.
 #[derive(Clone, Default)]
 pub struct Motions {
-    /// Frames of each, F.
+    /// Frames F of each motion.
     pub frames: usize,
-    /// Scene of each.
+    /// Scene of each motion.
     pub scenes: Vec<Arc<Scene>>,
     /// States `[motion][F + 1][q, qd]`.
     states: Vec<f64>,
     /// Torques `[motion][F][joint]` (N, N m).
     torques: Vec<f64>,
-    /// Of states and torques.
+    /// SHA-256 of states and torques.
     pub sha256: String,
 }
 
 impl Motions {
-    /// Those of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
+    /// Reads motions from a folder that [`nerd_sim::dataset::generate`] wrote with the truth `truth`.
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
         let (manifest, shards) = opened(system, truth, folder, |manifest, name| manifest.shard_in_scenes(folder, name, system))?;
         let hashes: Vec<_> = shards.par_iter().map(|(recording, _)| recording.sha256()).collect();
@@ -33,7 +33,7 @@ impl Motions {
         Ok(motions)
     }
 
-    /// Records them, shards in parallel; `solver` makes the truth, `progress` gets the transitions done.
+    /// Records motions, shards in parallel. `solver` makes the truth; `progress` receives the transitions done.
     pub fn record(
         system: &Arc<System>,
         solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
@@ -47,7 +47,7 @@ impl Motions {
         Ok(Self::joined(recorded(system, config, progress, shard)?))
     }
 
-    /// Those of a recording in one scene.
+    /// Motions of a recording in one scene.
     pub(crate) fn of(recording: Recording, scene: &Arc<Scene>) -> Self {
         let scenes = vec![scene.clone(); recording.trajectories];
         Self::joined(vec![(recording, scenes)])
@@ -61,7 +61,7 @@ impl Motions {
             all.torques.extend(recording.torques);
             all.scenes.extend(scenes);
         }
-        // Of states and torques of so many motions at a time, however many were recorded together.
+        // Hash a fixed number of motions at a time: the result must not depend on shards.
         let part = |numbers: &[f64]| -> [u8; 32] {
             let mut hash = Sha256::new();
             numbers.iter().for_each(|x| hash.update(x.to_le_bytes()));
@@ -72,12 +72,12 @@ impl Motions {
         all
     }
 
-    /// How many.
+    /// Number of motions.
     pub fn len(&self) -> usize {
         self.scenes.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no motions.
     pub fn is_empty(&self) -> bool {
         self.scenes.is_empty()
     }
@@ -93,7 +93,7 @@ impl Motions {
         &self.states[(motion * (self.frames + 1) + frame) * d..][..d]
     }
 
-    /// Torques of all joints over a frame.
+    /// Torques of all joints during a frame (N, N m).
     pub fn torques(&self, motion: usize, frame: usize) -> &[f64] {
         let joints = self.torques.len() / (self.len() * self.frames);
         &self.torques[(motion * self.frames + frame) * joints..][..joints]

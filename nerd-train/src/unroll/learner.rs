@@ -1,10 +1,10 @@
-//! Updates through many frames as a [`Learner`], so that their runs are ordinary runs.
+//! Training through many frames as a [`Learner`], for ordinary runs.
 
 use super::course::Draw;
 use super::*;
 use crate::learner::optimiser::Optimiser;
 
-/// Rollouts of a thread's pass: their activations in a frame stay near the processor.
+/// Rollouts per pass of a thread, few enough that the activations of a frame stay in cache.
 pub(crate) const ROLLOUTS: usize = 8;
 
 /// Trains a network on motions.
@@ -12,16 +12,16 @@ pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
     course: Course<B>,
     network: Loaded,
-    /// Where the last update ended. A resumed run restarts all of them.
+    /// Rollouts at the end of the last update; a resumed run restarts all of them.
     rollouts: Vec<Option<Rollout<B>>>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }
 
 impl<B: Body> UnrollLearner<B> {
-    /// Continues `state`.
+    /// Continues from `state`.
     ///
     /// # Errors
-    /// If no motion is as long as a rollout.
+    /// If motions are shorter than a rollout.
     pub fn new(config: LearnerConfig, state: LearnerState, course: Course<B>) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
@@ -34,12 +34,12 @@ impl<B: Body> UnrollLearner<B> {
         Unroll { course: &self.course, network: &self.network }
     }
 
-    /// Those of an update: carried on, or begun where its draws say.
+    /// Rollouts of an update: continued, or restarted from its draws.
     fn drawn(&mut self) -> Vec<Rollout<B>> {
         let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
         let draws = self.course.draws(config.seed, self.optimiser.state.step, config.batch);
         let mut before = std::mem::take(&mut self.rollouts);
-        // After an update that failed none is left.
+        // A failed update leaves no rollouts.
         before.resize(draws.len(), None);
         let unroll = self.unroll();
         let one = |(before, draw): (Option<Rollout<B>>, Draw<B::View>)| {
@@ -49,7 +49,7 @@ impl<B: Body> UnrollLearner<B> {
         before.into_iter().zip(draws).map(one).collect()
     }
 
-    /// Whether a rollout is near enough to the truth to be carried on.
+    /// Whether a rollout is close enough to the truth to continue.
     fn near(&self, rollout: &Rollout<B>) -> bool {
         self.course.body.near(&rollout.state, &self.unroll().begin(rollout.place).state)
     }
@@ -69,11 +69,11 @@ impl<B: Body> Learner for UnrollLearner<B> {
         };
         let parts: Vec<(f64, Vec<f32>)> = rollouts.par_chunks_mut(ROLLOUTS).map(part).collect();
         let loss = parts.iter().map(|part| part.0).sum::<f64>();
-        // Added up in order: the same bits on any number of threads.
+        // Sum in order: the same bits on any number of threads.
         let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
         self.optimiser.update(lr, loss as f32, &gradient)?;
-        // Single frames are learned from the truth alone.
+        // Rollouts of one frame always start from the truth.
         let carried = self.course.frames > 1;
         self.rollouts = rollouts.into_par_iter().map(|r| (carried && self.near(&r)).then_some(r)).collect();
         Ok(())
@@ -83,7 +83,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         Ok(self.optimiser.progress())
     }
 
-    /// What the averaged weights miss of the change over single frames, as a share of it.
+    /// Relative error of the averaged weights in the change over single frames.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
         self.network.load(&self.optimiser.state.average);
         Ok(self.course.body.missed(&self.course.validation, &self.network, frames) as f32)

@@ -1,9 +1,10 @@
-//! Training through many frames: cables, whose tokens are their rods ([`chain`]), and robots seen by one token ([`robot`]).
+//! Training through many frames, of cables with a token per rod ([`chain`]) and of robots with one token ([`robot`]).
 //!
-//! An update rolls motions out through H predicted frames, sums each frame's loss, and back-propagates through all of them: network,
-//! features and step. Most rollouts of a cable continue where the last update ended, so that the network trains on its own states; one
-//! that is too far off restarts, and so do some at random. Those of robots begin on the truth in every update. Gradients through many frames are limited ([`join`]). H is `--sequence`: 1 at first,
-//! more in the later runs of a recipe.
+//! An update rolls motions out through H predicted frames and sums each frame's loss. Backpropagation passes through
+//! all of them: network, features and step. Most rollouts of a cable continue where the last update ended, so that the
+//! network trains on its own states. Rollouts far from the truth restart, and so do some at random. Rollouts of robots
+//! start from the truth in every update. Upstream gradients are limited ([`join`]). H is `--sequence`: 1 at first, more
+//! in later runs of a recipe.
 //!
 //! ```text
 //! motions ── view (turned, mirrored) ──▶ rollouts ── pass ──▶ loss, gradient ──▶ Adam, Muon

@@ -1,41 +1,41 @@
-//! Rollouts through H frames and the gradient of their loss: back-propagation through time.
+//! Rollouts through H frames and the gradient of their loss: backpropagation through time.
 
 use super::*;
 
-/// A state on its way along a motion.
+/// A predicted state along a motion.
 #[derive(Clone)]
 pub struct Rollout<B: Body> {
-    /// The frame that it has come to.
+    /// Its present frame.
     pub place: Place<B::View>,
-    /// Where it is, as it is seen.
+    /// Its state, in the view of its place.
     pub state: B::State,
 }
 
-/// What rollouts go through.
+/// Inputs of a pass.
 pub struct Unroll<'a, B> {
-    /// What they should do.
+    /// Motions and system.
     pub course: &'a Course<B>,
-    /// With the weights of the update.
+    /// Network with the weights of the update.
     pub network: &'a Loaded,
 }
 
-/// What the way back needs of a frame.
+/// Records of a frame for the backward pass.
 struct Kept<B: Body> {
     before: Vec<B::State>,
     looks: Vec<B::Look>,
     outputs: Vec<f32>,
-    /// Of the frame's loss, by the states after it.
+    /// Gradients of the frame's loss with respect to the states after the frame.
     slopes: Vec<B::Slope>,
 }
 
 impl<B: Body> Unroll<'_, B> {
-    /// A rollout that begins on the truth.
+    /// A rollout that starts from the truth.
     pub fn begin(&self, place: Place<B::View>) -> Rollout<B> {
         Rollout { place, state: self.course.body.truth(&self.course.train, &place) }
     }
 
-    /// Moves rollouts through H frames; the sum of their losses times `weight` and its gradient by the weights. `memory` holds the
-    /// network's activations by frame.
+    /// Steps rollouts through H frames. Returns the sum of their losses times `weight`, and its gradient with respect
+    /// to the weights. `memory` holds the network's activations by frame.
     pub fn pass(&self, rollouts: &mut [Rollout<B>], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
         let (frames, mut own) = (self.course.frames, self.course.body.memory());
         memory.resize_with(frames.max(memory.len()), Memory::default);
@@ -74,7 +74,8 @@ impl<B: Body> Unroll<'_, B> {
         Kept { before, looks, outputs, slopes }
     }
 
-    /// Gradients by the rollouts' states before a frame, from the upstream gradients of later frames; no upstream after the last.
+    /// Gradients with respect to the states before a frame, from the upstream gradients of later frames (empty for the
+    /// last frame). Adds to `gradient` the part with respect to the weights.
     fn backward(
         &self,
         kept: &Kept<B>,

@@ -1,4 +1,5 @@
-//! Robots that a network sees by one token, and whose predictions are added to the state: a token is a frame, and contacts are found anew in each predicted one.
+//! Robots with one token per frame and predictions added to the state; contacts are found again in every predicted
+//! state.
 
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
@@ -6,30 +7,31 @@ use nerd_model::around::Around;
 
 use super::*;
 
-/// Share of a frame's change that is an error of one.
+/// Share f of a frame's mean change that is an error of 1.
 const SHARE: f64 = 0.02;
-/// Frames that units are measured in.
+/// Largest number of frames, roughly, that units are measured in.
 const FRAMES: usize = 8000;
-/// No unit is less: what never moves would be divided by nothing.
+/// Smallest unit: avoids division by 0 for numbers that never change.
 const LEAST: f64 = 1e-9;
 
-/// A robot as it is rolled out.
+/// A robot in rollouts.
 ///
-/// The loss of frame k is `mean p(e / 2 f u sqrt k)` over each of pose and velocities of root and joints, with `p(e) = sqrt(1 + e^2) - 1`,
-/// f = 0.02, e the difference of predicted and true state in the tangent space of the truth ([`difference`]), and u the mean change of
-/// that velocity over a frame; of a pose it is that times the frame's time.
+/// The loss of frame k is a sum of means of `p(e / 2 f u sqrt k)`, with `p(e) = sqrt(1 + e^2) - 1` and f = 0.02. The
+/// means are over root rotation, root translation and joints, each for pose and velocity. e is the error of the
+/// predicted state in the tangent space of the truth ([`difference`]). u is the mean change of a velocity over a frame;
+/// for a pose it is that times the frame time.
 #[derive(Clone)]
 pub struct Robot {
-    /// Which, and how it is seen.
+    /// Robot, form and normaliser.
     pub around: Around,
-    /// What errors count from, by number of the tangent space.
+    /// Unit u of each number of the tangent space.
     pub units: Vec<f64>,
-    /// What they count.
+    /// Weights of these numbers in the loss.
     weights: Vec<f64>,
 }
 
 impl Robot {
-    /// Units are measured in `motions`.
+    /// Measures units in `motions`.
     pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Motions) -> Self {
         let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
         let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
@@ -49,12 +51,12 @@ impl Robot {
         Self { around: Around { system: system.clone(), form: form.into(), normalizer: normalizer.clone() }, units, weights }
     }
 
-    fn norm(&self, slope: &[f64]) -> f64 {
-        slope.iter().zip(&self.units).map(|(g, unit)| (g * unit).powi(2)).sum::<f64>().sqrt()
+    fn norm(&self, gradient: &[f64]) -> f64 {
+        gradient.iter().zip(&self.units).map(|(g, unit)| (g * unit).powi(2)).sum::<f64>().sqrt()
     }
 }
 
-/// What was seen of a state.
+/// Contacts and gravity of an observed state.
 pub struct Looked {
     contacts: Vec<ContactEvent>,
     gravity: Vector3<f64>,
@@ -111,12 +113,12 @@ impl Body for Robot {
         vec![0.0; self.units.len()]
     }
 
-    fn loss(&self, [predicted, truth]: [&Vec<f64>; 2], k: usize, weight: f64, slope: &mut Vec<f64>) -> f64 {
+    fn loss(&self, [predicted, truth]: [&Vec<f64>; 2], k: usize, weight: f64, gradient: &mut Vec<f64>) -> f64 {
         let q = 2.0 * SHARE * (k as f64).sqrt();
         let (error, mut by_error) = (difference(&self.around.system.robot, truth, predicted), self.level());
         let numbers = error.iter().zip(&self.units).zip(&self.weights).zip(&mut by_error);
         let total = numbers.map(|(((e, unit), share), by)| bent(*e, unit * q, weight * share, by)).sum();
-        difference_back(&self.around.system.robot, truth, predicted, &by_error, slope);
+        difference_back(&self.around.system.robot, truth, predicted, &by_error, gradient);
         total
     }
 
@@ -125,8 +127,8 @@ impl Body for Robot {
         own.iter_mut().zip(upstream).for_each(|(x, y)| *x += share * y);
     }
 
-    fn advance_back(&self, before: &Vec<f64>, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
-        self.around.outputs_back(before, outputs, upstream, slope)
+    fn advance_back(&self, before: &Vec<f64>, outputs: &[f32], upstream: &Vec<f64>, gradient: &mut Vec<f64>) -> Vec<f32> {
+        self.around.outputs_back(before, outputs, upstream, gradient)
     }
 
     fn look_back(
@@ -135,13 +137,13 @@ impl Body for Robot {
         Looked { contacts, gravity }: &Looked,
         by_tokens: &[f32],
         _: &Vec<f64>,
-        slope: &mut Vec<f64>,
+        gradient: &mut Vec<f64>,
         scratch: &mut Scratch,
     ) {
-        self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, slope);
+        self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, gradient);
     }
 
-    /// What a free body is off grows by itself, and rollouts that begin there undo what single frames taught.
+    /// Never: the error of a free body grows by itself, and rollouts from such states would degrade single frames.
     fn near(&self, _: &Vec<f64>, _: &Vec<f64>) -> bool {
         false
     }

@@ -1,6 +1,6 @@
-// What the kernels of all bodies share.
+// Declarations for the kernels of all systems.
 
-// As the host writes it: whether it is mirrored, and how it is turned; `frame` is where the update begins.
+// Layout of the host's rows: motion, first frame of the update, whether the rollout restarts, and its view.
 struct View { double mirror, sine, cosine, yaw; };
 struct Rollout { double motion, frame, anew; View view; };
 
@@ -11,10 +11,10 @@ struct Motions { const double *truths, *torques, *scenes; int frames; };
 #define WORLD const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames
 #define MOTIONS(env) const Rollout& r = rollouts[env]; const Motions m = {truths, torques, scenes, frames};
 
-// `weight p(e / unit)`, and its gradient.
-FN double bent(double e, double unit, double weight, double& slope) {
+// `weight p(e / unit)` with the pseudo-Huber loss p, and its gradient.
+FN double bent(double e, double unit, double weight, double& gradient) {
     e /= unit;
     const double length = sqrt(1 + e * e);
-    slope = weight * e / (length * unit);
+    gradient = weight * e / (length * unit);
     return weight * (length - 1);
 }

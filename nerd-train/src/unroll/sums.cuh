@@ -4,7 +4,7 @@ extern "C" __global__ void unroll_add(const float* of_frame, float* all, int n, 
     if (i < n) all[i] = (first ? 0.0f : all[i]) + of_frame[i];
 }
 
-// The sum of all losses, in order; one block of 256.
+// Sum of all losses, in order; one block of 256 threads.
 extern "C" __global__ void unroll_total(const double* losses, int n, float* total) {
     __shared__ double part[256];
     double sum = 0;

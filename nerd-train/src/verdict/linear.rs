@@ -1,4 +1,4 @@
-//! What anything that was learned has to beat: the base alone, and a linear map on the same inputs.
+//! Baselines of a verdict: the base alone, and a linear map on the model's inputs.
 
 use nalgebra::DMatrix;
 use nerd_sim::instruments::Hold;
@@ -6,13 +6,13 @@ use nerd_sim::instruments::Hold;
 use crate::prelude::*;
 use crate::prepare::{generate, normalize};
 
-/// Transitions that the map is fitted to, some fifty for each of its inputs, and frames of their trajectories.
+/// Transitions for fitting the map, some fifty per input, and frames of their trajectories.
 const TRANSITIONS: usize = 16_384;
 const FRAMES: usize = 64;
-/// Weights of squared weights beside squared errors, in shares of a token's variance: the map counts whose rollouts err least.
+/// Ridge coefficients, relative to the variance of a token. The map with the smallest rollout error counts.
 const RIDGES: [f64; 3] = [1e-6, 1e-3, 1e-1];
 
-/// A map of the newest token alone: rows of weights by input, then one that is added.
+/// A linear map of the newest token: a row of weights per input, then the offsets.
 pub(super) struct Linear {
     outputs: usize,
     weights: Vec<f32>,
@@ -36,10 +36,10 @@ impl Stream for Linear {
     fn clear(&mut self, _env: usize) {}
 }
 
-/// Transitions that a model's truth is recorded in: half passive, half from where evaluations start.
+/// Transitions of the model's truth, in its form: half of the trajectories passive, half from starts as in evaluations.
 pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u64) -> Result<Windows> {
     let (torque_scale, shard_trajectories) = (Range { low: -1.0, high: 1.0 }, 16);
-    // Of a robot with very many contact points fewer, as memory has it.
+    // Fewer transitions for robots with very many inputs, to limit memory.
     let transitions = TRANSITIONS.min((1 << 23) / model.config.network.inputs);
     let mut config = GenerateConfig { transitions, frames: FRAMES, seed, shard_trajectories, ..Default::default() };
     (config.torque_scale, config.resets) = (torque_scale, 0.5);
@@ -47,12 +47,12 @@ pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u
     Ok(generate(system, &solver, &config, (1, model.config.form()), &|_| ())?.windows)
 }
 
-/// Linear maps from a model's normalised tokens to its normalised targets, of least squares over these transitions. One for each ridge; none
-/// where the equations have no solution.
+/// Least-squares maps from normalised tokens to normalised targets over `windows`, one for each ridge coefficient with
+/// a solution.
 pub(super) fn maps(model: &Model, mut windows: Windows) -> Vec<Linear> {
     normalize(&mut windows, &model.normalizer);
     let Windows { inputs, outputs, x, y, .. } = &windows;
-    // A token and 1 in a column.
+    // Columns of tokens, each with a final 1.
     let u = x.chunks_exact(*inputs).flat_map(|row| row.iter().map(|x| f64::from(*x)).chain([1.0]));
     let u = DMatrix::from_iterator(inputs + 1, x.len() / inputs, u);
     let y = DMatrix::from_iterator(*outputs, y.len() / outputs, y.iter().map(|y| f64::from(*y)));
@@ -69,7 +69,7 @@ pub(super) fn with(model: &Model, map: Linear) -> Box<dyn Solver> {
     Box::new(Neural::new(model.clone(), Box::new(map)))
 }
 
-/// What a model's predictions are added to, alone: where that is the state, nothing moves; by the trapezoid rule all go on as they do.
+/// The model's base alone: nothing moves if the base is the state; by the trapezoid rule all velocities stay constant.
 pub(super) fn base(model: &Model, system: &System) -> Box<dyn Solver> {
     if model.config.base == Base::State {
         return Box::new(Hold);
@@ -77,7 +77,7 @@ pub(super) fn base(model: &Model, system: &System) -> Box<dyn Solver> {
     let (inputs, outputs) = (model.config.network.inputs, model.config.network.outputs);
     let mut mean = vec![0.0; outputs];
     if system.robot.floating() {
-        // No turn, as a quaternion.
+        // The identity quaternion.
         mean[6] = 1.0;
     }
     let moments = Moments { mean, ..Moments::identity(outputs) };

@@ -1,82 +1,85 @@
-//! Compares a model's errors and time with its base alone, with a linear map on the same inputs, and of the analytic
-//! solver at one substep and at the fewest that err no more; where rapier is the truth, beside its own cheaper settings, too.
+//! Verdict on a model: errors and time beside baselines and the analytic solver. The baselines are the base alone and a
+//! linear map on the same inputs. `articulated` runs with one substep and more, up to the fewest that err no more than
+//! the model. With rapier as truth, its cheaper settings are compared, too.
 //!
-//! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
+//! All solvers roll out from equal starts under equal torques, on one CPU core; time and error come from the same
+//! steps.
 
 mod linear;
 pub mod recorded;
 mod words;
 
-use nerd_model::pick::learned;
+use nerd_model::solver::learned;
 use nerd_sim::instruments::{Hold, Recorder, Replay, Shaken};
 
 use crate::cost::{on_one_core, powers, timed};
 use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
 use crate::prelude::*;
+use crate::spec::{RapierSpec, SolverSpec};
 use crate::stats::mean;
 
-/// The network pays off if the errors of its base alone and of a linear map are at least this many times the model's error.
+/// The network pays off if both baselines err at least this many times as much as the model.
 pub const WORTH: f64 = 5.0;
 /// Offset of the seed of the linear map's data from the seed of the starts.
 const ELSEWHERE: u64 = 7_000_003;
-/// Most substeps beside a truth that is not `articulated`.
+/// Most substeps of `articulated` if another solver is the truth.
 const MOST: usize = 64;
-/// Noise (rad/s or m/s) after every frame of a shaken truth, as rounding might be.
+/// Noise (rad/s or m/s) after every frame of a shaken truth, of the size of rounding.
 const SHAKE: f64 = 1e-6;
 
-/// What a model is worth on a scene.
+/// A model's verdict in a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
-    /// Which robot.
+    /// Name of the robot.
     pub robot: String,
-    /// Where.
+    /// Name of the scene.
     pub scene: String,
-    /// The truth that it learned, and everything is compared with.
+    /// The model's truth, the reference of all errors.
     pub truth: String,
-    /// Starts, frames, seed, torques.
+    /// Starts, frames, seed and torques of the rollouts.
     pub protocol: PassiveConfig,
-    /// What is compared, with units ([`summary_names`]).
+    /// Compared quantities, with units ([`summary_names`]).
     pub quantities: Vec<String>,
     /// The model.
     pub model: Row,
-    /// What its predictions are added to, without them.
+    /// The base of the predictions alone.
     pub base: Row,
-    /// Where the motion was recorded and the base is another: what repeats the start.
+    /// On recorded motion with another base than the state: a predictor that repeats the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<Row>,
-    /// A linear map from its normalised token to its normalised target, of least squares over other motions of the truth.
+    /// The linear map from normalised token to normalised target, fitted to other motions of the truth.
     pub linear: Row,
-    /// `articulated` at one substep and at more, as many as were asked for until one errs no more than the model in the mean of the
-    /// quantities. Where the motion was recorded, as the robot is described and calibrated.
+    /// `articulated` with one substep and more, up to the first row with no larger mean error than the model. On
+    /// recorded motion: as described and as calibrated.
     pub articulated: Vec<Row>,
-    /// What another log has of the same motions: another simulator, or the recorded one in other steps. Of rapier its next cheaper setting
-    /// (half of its steps), the next after that, itself, and itself shaken, which says how sensitive it is.
+    /// On recorded motion: another log of the same motions, by another simulator or with another step. With rapier as
+    /// truth: half of its steps, a quarter, itself, and itself shaken, which shows the sensitivity of the motion.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<Row>,
 }
 
-/// One solver's errors and time.
+/// Errors and time of one solver.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Which.
+    /// Name of the solver.
     pub of: String,
-    /// Mean |difference| from the truth over all frames and starts, by quantity.
+    /// Mean absolute difference from the truth over all frames and starts, by quantity.
     pub errors: Vec<f64>,
-    /// Of a frame, on one core.
+    /// Time per frame on one core (us); 0 if unknown.
     pub microseconds: f64,
-    /// Rollouts that diverged or could not be continued.
+    /// Number of rollouts that diverged or could not be continued.
     pub diverged: usize,
 }
 
 impl Row {
-    /// Mean over the quantities.
+    /// Mean error over the quantities.
     pub fn mean(&self) -> f64 {
         mean(&self.errors)
     }
 }
 
-/// Judges a model in a scene, from the starts that an evaluation of this protocol has; progress goes to standard error. There is no verdict
-/// on a network along a chain, which has no linear map.
+/// The verdict on a model in a scene, with the protocol's starts; progress goes to standard error. None for a chain,
+/// since it has no linear map.
 ///
 /// # Errors
 /// If the truth cannot step.
@@ -86,7 +89,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
     }
     let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
     let maps = linear::maps(model, linear::windows(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?);
-    let own = Setting::from(truth).articulated(system);
+    let own = SolverSpec::from(truth).config(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
     let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
@@ -116,8 +119,8 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         let (hold, mut beside) = (None, Vec::new());
         if truth == Truth::Rapier {
             for share in [2, 4, 1] {
-                let setting = Setting::RapierOwn(Truth::rapier().steps / share);
-                beside.push(row(&format!("{setting}{}", if share == 1 { " (the truth)" } else { "" }), setting.solver(system)?)?);
+                let spec = SolverSpec::rapier(RapierSpec::default().steps / share);
+                beside.push(row(&format!("{spec}{}", if share == 1 { " (the truth)" } else { "" }), spec.solver(system, 1)?)?);
             }
             let shaken = Shaken::new(truth.solver(system), SHAKE, protocol.seed);
             beside.push(row(&format!("the truth, shaken by {SHAKE:.0e}"), Box::new(shaken))?);
@@ -130,10 +133,10 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
     Ok(Some(found))
 }
 
-/// Rolls a solver out under a name.
+/// Evaluates a solver under a name.
 type Rower<'a> = dyn Fn(&str, Box<dyn Solver>) -> Result<Row> + 'a;
 
-/// The base alone, the model and the best of some linear maps.
+/// Rows of the base alone, of the model and of the best linear map.
 fn common(model: &Model, system: &Arc<System>, maps: Vec<linear::Linear>, row: &Rower) -> Result<[Row; 3]> {
     let name = match model.config.base {
         Base::State => "base alone (hold last)",
@@ -150,28 +153,28 @@ fn common(model: &Model, system: &Arc<System>, maps: Vec<linear::Linear>, row: &
 }
 
 impl Verdict {
-    /// The cheapest solver that errs no more than the model in the mean of the quantities: `articulated` at the fewest substeps that do, or
-    /// rapier's setting with the fewest steps; none if there is none whose time is known.
+    /// The cheapest solver with known time and no larger mean error than the model. Candidates are all rows of
+    /// `articulated`, and of `beside` the first such row.
     pub fn equal(&self) -> Option<&Row> {
         let as_good = |row: &&Row| row.microseconds > 0.0 && row.mean() <= self.model.mean();
-        // Of rapier's settings the first: a shaken truth comes last.
+        // Of rapier's rows only the first that is as good: a shaken truth comes last.
         let found = self.articulated.iter().filter(as_good).chain(self.beside.iter().find(as_good));
         found.min_by(|a, b| a.microseconds.total_cmp(&b.microseconds))
     }
 
-    /// Whether it is on recorded motion.
+    /// Whether the verdict is on recorded motion.
     pub fn recorded(&self) -> bool {
         matches!(self.protocol.action, Action::Recorded(_))
     }
 
-    /// A solver's errors as multiples of the model's, by quantity; of two that are 0 it is 1.
+    /// A solver's errors as multiples of the model's, by quantity; 1 where both are equal.
     pub fn times(&self, row: &Row) -> Vec<f64> {
         let ratio = |(a, b): (&f64, &f64)| if a == b { 1.0 } else { a / b };
         row.errors.iter().zip(&self.model.errors).map(ratio).collect()
     }
 
-    /// Where base alone or linear map do not err [`WORTH`] times as much as the model, in words; none if they do in every quantity. Of
-    /// recorded motion nothing better than the calibrated solver may be known: there it is enough to be better than that.
+    /// Describes the first quantity where a baseline errs less than [`WORTH`] times as much as the model, if any.
+    /// Recorded motion has no such bound: there the model need only beat the calibrated solver.
     pub fn shortfall(&self) -> Option<String> {
         if self.recorded() {
             return None;

@@ -1,4 +1,4 @@
-//! What a model of recorded motion is worth: beside its base, a linear map and `articulated` on the robot's own file.
+//! Verdict on a model of recorded motion: beside its base, a linear map and `articulated`, as described or calibrated.
 
 use nerd_sim::calibrate::{Engine, Subject};
 use nerd_sim::instruments::{Hold, Replay};
@@ -10,23 +10,23 @@ use crate::measured::Measured;
 use crate::prelude::*;
 use crate::prepare::tokens;
 
-/// Frames of a piece that the linear map is fitted to; the least number of frames of a whole trajectory.
+/// Frames of a piece for fitting the linear map.
 const FRAMES: usize = 64;
+/// Frames for fitting the map; from twice as many on, trajectories are skipped evenly.
 const ENOUGH: usize = 65_536;
 
-/// What another solver made of the same pieces: which, its states `[frame][piece][q, qd]` after each frame that a solver goes alone, and
-/// its time for one (us; 0 if nobody knows).
+/// Another solver's result on the same pieces.
 pub struct Beside {
-    /// Which.
+    /// Name of the solver.
     pub of: String,
-    /// Its states.
+    /// States `[frame][piece][q, qd]` after each frame of the rollout.
     pub states: Vec<Vec<f64>>,
-    /// Its time.
+    /// Time per frame (us); 0 if unknown.
     pub microseconds: f64,
 }
 
-/// Judges a model on pieces of a log, and beside it these analytic solvers, in words and as they are; one that cannot step is left out with
-/// a line. There is no verdict on a network along a chain.
+/// The verdict on a model of a log, over `pieces`, beside the `analytic` solvers (name, subject). A solver that cannot
+/// step is left out and reported. None for a chain.
 pub fn recorded(
     measured: &Measured,
     pieces: &Pieces,
@@ -74,7 +74,8 @@ pub fn recorded(
     Ok(Some(found))
 }
 
-/// Pieces as they are for a subject: its zeros, its late torques; without the frames before, since it remembers nothing.
+/// Pieces as `subject` needs them: shifted by its joint zeros, with delayed torques and without history, since it has
+/// no memory.
 fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
     let mut states = pieces.states[pieces.before..].to_vec();

@@ -1,4 +1,4 @@
-//! A verdict in words: a small table, and one line that says what to use.
+//! A verdict in words: a small table, and one line of advice.
 
 use std::fmt;
 
@@ -6,10 +6,10 @@ use super::{Row, Verdict};
 use crate::words::{digits, markdown, pair};
 
 impl Verdict {
-    /// Columns of [`Verdict::cells`]; times and errors by quantity.
+    /// Columns of [`Verdict::cells`]; errors are by quantity.
     pub const HEADER: [&str; 4] = ["solver", "error", "times the model's", "us a frame on one core"];
 
-    /// A line of a table for each solver. Of the analytic ones the first and the last are shown.
+    /// Rows of a table, one for each solver. Of `articulated`, only the first and the last are shown.
     pub fn cells(&self) -> Vec<Vec<String>> {
         let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
         let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last];
@@ -22,7 +22,7 @@ impl Verdict {
         rows.into_iter().flatten().chain(&self.beside).map(cells).collect()
     }
 
-    /// What to use, and by how much the network beats what has learned nothing, in one line.
+    /// Advice in one line, with the network's advantage over the baselines.
     pub fn line(&self) -> String {
         let Self { model, base, hold, linear, beside, .. } = self;
         let own = digits(model.microseconds);
@@ -50,14 +50,14 @@ impl Verdict {
         format!("{advice}; {} errs {} times as much, a {} {}{beside}", base.of, self.span(base), linear.of, self.span(linear))
     }
 
-    /// The same in a cell of a table.
+    /// The verdict in a table cell.
     pub fn worth(&self) -> String {
         let equal = self.equal().map_or_else(String::new, |row| format!("{} {} us, ", row.of, digits(row.microseconds)));
         let (own, base, linear) = (digits(self.model.microseconds), self.span(&self.base), self.span(&self.linear));
         format!("{equal}model {own} us; base alone x {base}, linear map x {linear}")
     }
 
-    /// A solver's errors as multiples of the model's, from the least to the most.
+    /// Smallest and largest multiple of the model's error, by quantity.
     fn span(&self, row: &Row) -> String {
         let mut times = self.times(row);
         times.sort_by(f64::total_cmp);
@@ -66,7 +66,7 @@ impl Verdict {
     }
 }
 
-/// Two significant digits, which is what such ratios are good for.
+/// Two significant digits, enough for such ratios.
 fn short(x: f64) -> String {
     match x {
         _ if x.is_nan() => "-".into(),

@@ -1,6 +1,6 @@
-//! A tiny network and a synthetic linear map it can learn.
+//! A tiny network and a synthetic linear map that it can learn.
 
-// Each test file is a crate of its own and uses a part of this.
+// Each test file is a crate and uses a part of this.
 #![allow(dead_code, unused_imports)]
 
 pub use std::path::{Path, PathBuf};
@@ -11,7 +11,6 @@ pub use nerd_model::folder::{Model, ModelConfig};
 pub use nerd_model::form::{Form, View};
 pub use nerd_model::neural::Neural;
 pub use nerd_model::normalizer::{Moments, Normalizer};
-pub use nerd_model::pick::Setting;
 pub use nerd_model::program::cpu::{Loaded, Memory, Pass};
 pub use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
 pub use nerd_sim::dataset::{GenerateConfig, Recording, record};
@@ -26,6 +25,7 @@ pub use nerd_train::prepare::{moments, tokens};
 pub use nerd_train::run::{Recipe, Run, RunConfig, Variant};
 pub use nerd_train::schedule::Schedule;
 pub use nerd_train::settings::Given;
+pub use nerd_train::spec::SolverSpec;
 pub use nerd_train::supply::{Supply, SupplyConfig};
 pub use nerd_train::trainer::TrainerConfig;
 pub use nerd_train::windows::Windows;
@@ -70,7 +70,7 @@ pub fn fresh() -> LearnerState {
     LearnerState::new(Weights::init(NETWORK, 3))
 }
 
-/// A small untrained model of random weights with small outputs, so that its base's motion prevails.
+/// A small untrained model with random weights and small outputs, so that its base dominates the motion.
 pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
     let network =

@@ -1,4 +1,4 @@
-//! Robots of a family beside solvers that know them more or less.
+//! Errors of solvers on robots of a family, by what each solver knows of the robots.
 
 use nerd_sim::rig::Rig;
 use nerd_train::evaluate::Pieces;
@@ -14,7 +14,7 @@ fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     assert_eq!((pieces.count(), pieces.frames(), pieces.systems.len()), (24, 20, 24));
     let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
     let error = |pieces: &Pieces, solver: &mut dyn Solver| mean(&pieces.compare(solver).expect("compared").error);
-    // Torques that act late by two frames at most: three seen are enough.
+    // Torques act at most two frames late, so two frames before the start determine them.
     for seen in [10, 3, 2] {
         let exact = error(&pieces.seen(seen), &mut Rig::new(solver()));
         assert!(exact < 1e-9, "seen {seen}: {exact}");
@@ -24,14 +24,14 @@ fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     let described = error(&pieces.described(), &mut solver());
     assert!(ignorant > 1e-6, "late torques are known without having been seen: {ignorant}");
     assert!(told > 1e-6 && told < 0.7 * described, "told {told}, as described {described}");
-    // The last frames are the same whatever is shown before them.
+    // The last frames are the same, however many frames are shown before them.
     let [long, short] = [pieces.seen(99), pieces.seen(4)];
     assert_eq!(long.states[long.before..], short.states[short.before..]);
     let refused = Pieces::drawn(&system, Truth::Articulated, &config, 30).map(|_| ());
     assert!(refused.expect_err("too few frames").to_string().contains("30 frames"));
 }
 
-/// Noise is on what is shown and on tokens, and on nothing that is learned or judged.
+/// Sensor noise is on shown states and tokens; targets and compared states have none.
 #[test]
 fn sensors_with_noise_show_what_nobody_is_judged_by() {
     let mut system = (*System::named("pendulum-family").expect("built in")).clone();

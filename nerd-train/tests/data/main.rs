@@ -1,4 +1,4 @@
-//! From recorded motions to what a network learns from, and back in a rollout.
+//! From recorded motions to tokens and targets, and back in a rollout.
 
 #[path = "../common/mod.rs"]
 mod common;

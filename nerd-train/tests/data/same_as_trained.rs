@@ -1,5 +1,6 @@
-//! What runs is what was trained: led along a recorded trajectory, the learned solver predicts what the training pass does over the
-//! tokens that training makes of the same recording. Weights are random. Bound: the network's f32, in units of its targets' deviations.
+//! Rollout equals training: along a recorded trajectory, the learned solver makes the predictions of the training pass
+//! over tokens of that recording. Weights are random. The bound is the network's f32, in units of the targets'
+//! deviations.
 
 use nerd_core::state::wrap_state;
 use nerd_sim::dataset::begin;
@@ -16,7 +17,7 @@ fn recorded(system: &Arc<System>) -> Recording {
     record(system, &mut Rig::new(solver), &config, 0, 6).expect("recorded")
 }
 
-/// A robot, of a family with noise in its sensors.
+/// A built-in robot; a family gets sensor noise.
 fn blurred(robot: &str) -> Arc<System> {
     let mut system = (*System::named(robot).expect("built in")).clone();
     system.spec.vary.iter_mut().for_each(|vary| vary.noise = Some(Range { low: 0.0, high: 0.01 }));
@@ -36,7 +37,7 @@ fn trained(model: &Model, x: &[f32]) -> Vec<f32> {
     let pass = |x: &[f32]| network.forward(x, &mut Memory::default(), Pass::Kept(x.len() / c.inputs)).clone();
     match c.positions {
         Positions::Rotary => pass(x),
-        // Windows of h tokens, of which the newest counts.
+        // Windows of up to `history` tokens; the prediction of the newest counts.
         Positions::Table => (0..FRAMES)
             .flat_map(|frame| {
                 let y = pass(&x[(frame + 1).saturating_sub(c.history) * c.inputs..(frame + 1) * c.inputs]);
@@ -96,7 +97,7 @@ fn a_rollout_predicts_what_the_training_pass_predicts() {
             let worst = apart(robot, scene, base, positions);
             assert!(worst < 5e-4, "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
         }
-        // Robots of their own, each told what was drawn of it, and guessed.
+        // Robots of a family, with the model conditioned on the drawn parameters, and without.
         for told in [true, false] {
             let worst = apart("pendulum-family", "free", Form { told, ..Base::Trapezoid.into() }, positions);
             assert!(worst < 5e-4, "a family, told {told}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");

@@ -50,7 +50,7 @@ fn takes_the_places_of_the_oldest() {
         }
         assert_eq!(taken, step as usize / 10, "shards taken by update {step}");
     }
-    // Shards 7, 8, 9 of the fresh ones are left, each where its number says.
+    // Fresh shards 7, 8 and 9 are left, each in the slot of its number.
     for (slot, shard) in [(0, 9), (1, 7), (2, 8)] {
         assert!(windows.x[slot * width..][..width] == all.x[(SLOTS + shard) * width..][..width], "slot {slot}");
     }

@@ -1,4 +1,4 @@
-//! Tokens are seen from the robot, wherever it stands, and from no other robot's data.
+//! Tokens are in the robot's axes, wherever the robot is, and data of another system are refused.
 
 use nerd_sim::dataset::{generate, read_shard, write_shard};
 use nerd_train::prepare::read;
@@ -16,7 +16,7 @@ fn moved(system: &System, here: &Recording, by: Vector3<f64>) -> Recording {
     for state in there.states.chunks_exact_mut(system.robot.state_dim()) {
         let (q, qd) = state.split_at_mut(nq);
         q[..3].iter_mut().zip(&by).for_each(|(p, by)| *p += by);
-        // The velocity of the body's point at the world's origin.
+        // The twist's linear part is the velocity of the body's point at the world's origin.
         let v = by.cross(&vector(&qd[..3]));
         qd[3..6].iter_mut().zip(&v).for_each(|(x, v)| *x += v);
     }
@@ -39,7 +39,8 @@ fn a_robot_100_km_away_is_seen_as_the_one_at_the_origin() {
         let there = read_shard(&path).unwrap().0;
         for form in [Form::default(), Base::Trapezoid.into(), Form { view: View::Moving, ..Base::State.into() }] {
             let (a, b) = (tokens(&system, &here, 1, form), tokens(&system, &there, 1, form));
-            // f64 rounds 1e5 m to 1.5e-11 m and the spin's part of v, 1e5 w, likewise: all below the rounding of the tokens.
+            // f64 rounds 1e5 m to 1.5e-11 m, and likewise the part 1e5 w of v. Both are below the rounding of the
+            // tokens.
             let gap = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max);
             let (x, y) = (gap(&a.x, &b.x), gap(&a.y, &b.y));
             assert!(x < 1e-6 && y < 1e-6, "{robot}, {form:?}: tokens {x:.1e}, targets {y:.1e} apart");

@@ -1,4 +1,4 @@
-//! Records, schedule and draws.
+//! Records, schedule, bounds of settings, and draws of windows.
 
 use nerd_train::records::Record;
 use nerd_train::windows::draw;

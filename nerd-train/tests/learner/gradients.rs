@@ -1,8 +1,9 @@
-//! The written-out pass on the CPU against burn's autodiff.
+//! The hand-written backward pass on the CPU against burn's autodiff.
 
 use crate::*;
 
-/// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector; without attention.
+/// Table and rotary positions, an attention band narrower than the sequence, head widths that fill no vector register.
+/// One network has no attention.
 const SHAPES: [TransformerConfig; 5] = [
     NETWORK,
     TransformerConfig { embedding: 36, heads: 3, layers: 3, block: 7, head: 5, ..NETWORK },
@@ -11,7 +12,7 @@ const SHAPES: [TransformerConfig; 5] = [
     TransformerConfig { architecture: Architecture::Residual, ..NETWORK },
 ];
 
-/// The usual ones, cut for a network's sequences; weights far enough from 0 that attention is no mean.
+/// A state with windows cut to the network's sequence. Weights are far enough from 0 that attention is not uniform.
 fn case(network: TransformerConfig) -> (LearnerState, Arc<Windows>) {
     let mut weights = Weights::init(network, 3);
     weights.flat.iter_mut().enumerate().for_each(|(i, w)| *w += 0.3 * (i as f32 * 0.7).sin());
@@ -46,7 +47,7 @@ fn gradient_is_burns_for_every_shape_and_loss() {
     }
 }
 
-/// Memory is used again by the next update, which another number of windows must not find in it.
+/// Updates reuse memory; another number of windows must not see old content.
 #[test]
 fn an_update_leaves_nothing_to_the_next() {
     let (state, windows) = case(SHAPES[2]);
@@ -58,7 +59,7 @@ fn an_update_leaves_nothing_to_the_next() {
     }
 }
 
-/// Of 273 windows, whatever computes them: from the first trajectory to the last, not the first ones.
+/// Validation windows are spread from the first trajectory to the last, and are the same on every engine.
 #[test]
 fn a_validation_looks_at_the_same_windows_on_every_engine() {
     for (windows, wanted) in [(270, 20), (270, 199), (270, 270), (270, 10_000), (3, 2), (1, 0)] {
@@ -71,7 +72,7 @@ fn a_validation_looks_at_the_same_windows_on_every_engine() {
     let (state, windows) = case(NETWORK);
     let mut cpu = CpuLearner::new(LEARNER, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
     for wanted in [20, 199] {
-        // The squared error of the chosen windows alone, each by the gradient's own loss.
+        // The loss of the chosen windows alone, as the gradient computes it.
         let expected = cpu.gradient(&validation_rows(windows.len(), wanted)).expect("finite").0;
         let found = cpu.validate(wanted).expect("finite");
         assert!((found / expected - 1.0).abs() < 1e-6, "{wanted} windows: {found}, the chosen ones have {expected}");

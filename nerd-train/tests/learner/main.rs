@@ -1,4 +1,4 @@
-//! Learners: gradients, updates, and that a run which is stopped and continued is the unbroken one.
+//! Learners: gradients, updates, and that a run which is stopped and continued equals the unbroken run.
 
 #[path = "../common/mod.rs"]
 mod common;

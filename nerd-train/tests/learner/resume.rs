@@ -31,7 +31,7 @@ fn load(folder: &Path) -> LearnerState {
     state
 }
 
-/// The record without its speeds, which are never the same twice.
+/// The record without windows per second, which differ from run to run.
 fn record(folder: &Path) -> Vec<serde_json::Value> {
     let text = std::fs::read_to_string(folder.join("metrics.jsonl")).unwrap();
     let line = |l: &str| {
@@ -49,7 +49,7 @@ fn stopped_at_every_update_and_continued() {
     assert_eq!((outcome.step, outcome.finished), (30, true));
     let mut state = fresh();
     for step in 1..=30 {
-        // No time at all: one update, a checkpoint, and out.
+        // With no time at all a run makes one update, writes a checkpoint and returns.
         let (outcome, _) = train(parts.path(), state, Some(Duration::ZERO));
         assert_eq!((outcome.step, outcome.finished), (step, step == 30));
         state = load(parts.path());

@@ -1,4 +1,4 @@
-//! Updates of every network: slopes, Adam, Muon, the moving average, and that something is learned.
+//! Updates of every network: gradients, Adam, Muon, the moving average, and that a linear map is learned.
 
 use nalgebra::DMatrix;
 use nerd_train::learner::muon::{hidden, orthogonal, others};
@@ -57,12 +57,12 @@ fn the_first_update_is_adams() {
     let full = moved.iter().filter(|&&d| (d - 1e-3).abs() < 2e-5).count();
     assert!(full as f64 > 0.9 * moved.len() as f64, "{full} of {} weights moved by lr", moved.len());
     assert!(moved.iter().all(|&d| d < 1.01e-3));
-    // d = min(0.99, 1 / 10).
+    // The average's decay is d = min(0.99, 1 / 10).
     let expected = after.weights.flat.iter().zip(&before.weights.flat).map(|(a, b)| a + 0.1 * (b - a));
     assert!(after.average.iter().zip(expected).all(|(a, e)| (a - e).abs() < 1e-7));
 }
 
-/// `U diag(s) V^T` becomes `U diag(about 1) V^T`, whatever s was.
+/// `U diag(s) V^T` becomes `U diag(about 1) V^T`, for any singular values s.
 #[test]
 fn orthogonalisation_keeps_the_directions_and_levels_the_strengths() {
     let wave = |rows, columns, k: f32| DMatrix::from_fn(rows, columns, |r, c| (k * (r * columns + c) as f32 + 0.3).sin());
@@ -87,13 +87,14 @@ fn every_weight_belongs_to_one_of_the_two_optimisers() {
         others(&network).into_iter().flatten().for_each(|i| owners[i] += 1);
         assert_eq!(owners.iter().position(|&n| n != 1), None, "{of:?}: a weight that not exactly one optimiser updates");
         assert!(matrices.iter().all(|h| h.rows <= h.columns), "{of:?}: a matrix seen with more rows than columns");
-        // A layer has query, key, value, projection and the perceptron's two, or gate, value and the way back.
+        // A layer has query, key, value, projection and two MLP matrices, or in a residual network gate, value and
+        // output.
         let a_layer = if of == Architecture::Transformer { 6 } else { 3 };
         assert_eq!(matrices.len(), a_layer * network.layers, "{of:?}");
     }
 }
 
-/// The root mean square of a Muon update is a fifth of the learning rate, Adam's first one is the learning rate.
+/// The root mean square of a Muon update is a fifth of the learning rate. Adam's first update is the learning rate.
 #[test]
 fn updates_have_the_size_that_one_learning_rate_serves() {
     let (before, mut after) = (fresh(), fresh());
@@ -111,7 +112,7 @@ fn updates_have_the_size_that_one_learning_rate_serves() {
     }
 }
 
-/// In f32 the usual recursion at 0.9999 stops where `1e-4 |w - a|` is under half a unit in the last place, 3e-4 away.
+/// In f32 the usual recursion at 0.9999 stops where `1e-4 |w - a|` is below half a unit in the last place, 3e-4 away.
 #[test]
 fn the_average_arrives_at_weights_that_stand_still() {
     let (mut average, mut naive) = (0.0f32, 0.0f32);

@@ -1,4 +1,4 @@
-//! Training through burn on a card, or on a software Vulkan where there is none (Mesa's lavapipe): losses follow the CPU's.
+//! Training through burn on a GPU, or on a software Vulkan without one (Mesa's lavapipe): losses follow the CPU's.
 
 use burn::tensor::{DeviceKind, DeviceType};
 use nerd_model::BurnDevice;

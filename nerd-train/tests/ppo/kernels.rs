@@ -1,30 +1,31 @@
-//! The kernels of PPO's rollouts against the CPU's engine, without a device: their text is compiled as C++ and run on the CPU.
+//! Kernels of PPO's rollouts against the CPU's engine, without a GPU: their text is compiled as C++ for the CPU.
 
 use nerd_sim::articulated::device::RANDOM;
 
 use crate::*;
 
-/// Environments, numbers of an observation and of an action (odd, so that the two numbers of a draw can be of two rows), steps.
+/// Environments, sizes of an observation and of an action, steps. N A is odd, so that a draw of two numbers may span
+/// two rows.
 const N: usize = 37;
 const SEEN: usize = 5;
-/// How far apart rows are on the card.
+/// Stride of rows on the GPU.
 const PADDED: usize = 8;
 const A: usize = 3;
 const HORIZON: usize = 6;
-/// Discount and lambda, the step that is answered, its noise, and parts that sums are made in.
-const LAW: (f64, f64) = (0.97, 0.9);
+/// Discount and lambda (the constant of GAE), the step with an action, its noise stream, and the number of partial sums.
+const LAW: (f64, f64) = (0.97, 0.95);
 const STEP: usize = 4;
 const NOISE: (u64, u64) = (0x1234_5678_9abc_def0, (1 << 40) + 7);
 const PARTS: usize = 7;
 
-/// What the kernels' text leaves to others.
+/// Names that the kernels' text expects.
 const NAMES: &str = "
 typedef unsigned long long u64;
 #define __device__
 #define FN static inline
 #define INDEX ((u64)blockIdx.x)
 ";
-/// Every kernel in turn over a few more threads than it has work for. Time runs out in an environment twice at most.
+/// Every kernel in turn, over a few more threads than it has work for. An environment is truncated at most twice.
 const LAUNCHES: &str = "
 #define RUN(threads, call) for (blockIdx.x = 0; blockIdx.x < (threads) + 5; blockIdx.x++) call;
     const int STEPS = N * HORIZON, SLOTS = 2;
@@ -38,15 +39,15 @@ const LAUNCHES: &str = "
     RUN(SEEN, mean(b[22], STEPS, SEEN, PARTS, b[23]))
     RUN(PARTS * SEEN, columns(b[2], b[23], STEPS, SEEN, PARTS, b[22]))
     RUN(SEEN, mean(b[22], STEPS, SEEN, PARTS, b[24]))
-    RUN(STEPS, goals(b[21], b[6], STEPS, law[4], law[5], law[6], law[7], law[8], law[9], b[17], b[18], b[19]))
+    RUN(STEPS, loss_inputs(b[21], b[6], STEPS, law[4], law[5], law[6], law[7], law[8], law[9], b[17], b[18], b[19]))
     RUN(N, reached(b[10], b[27], N, HORIZON, SLOTS))
     RUN(N, shac_ahead(b[5], b[10], b[32], law, b[25], b[28], b[30], b[26], b[29], N, HORIZON, SLOTS, A, A + 1, law[2], law[3]))
     for (int i = 0; i < N * A; i++) slow[i] = means[i];
     RUN(N * A, shac_follow(slow, b[13], 0.25f, N * A))
 ";
 
-/// What the CPU's engine was told and asked: rewards and ends, values where time ran out and of the last answer, and actions of one step, as
-/// environments get them.
+/// A rollout of the CPU's engine: rewards, ends, values of truncated and last states, and the bounded actions of one
+/// step.
 struct Rolled {
     policy: Policy,
     engine: OnCpu,
@@ -86,7 +87,7 @@ fn rolled() -> Rolled {
         ends.extend(ended);
     }
     let rows = draw(N * SEEN, 4.0);
-    let law = PpoConfig { gamma: LAW.0, lambda: LAW.1, ..PpoConfig::default() };
+    let law = PpoConfig { gamma: LAW.0, ..PpoConfig::default() };
     engine.finish(&rows, &rewards, &ends, &law).expect("the CPU");
     let last = policy.values(&policy.answer(&rows));
     Rolled { engine, rewards, ends, cut, last, kept, policy }
@@ -128,7 +129,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     let given = [vec![key], numbers.into(), vec![said, cpp::bytes(policy.spread(), f32::to_le_bytes), ends.clone()]].concat();
     let singles = [steps * PADDED, N * A, N * A, N * A, N, N * A, steps, steps, steps].map(|n| vec![0; 4 * n]);
     let wide = [N, 2 * steps, PARTS * SEEN, SEEN, SEEN, steps, N].map(|n| vec![0; 8 * n]);
-    // What is not written is no zero.
+    // Memory that is not written is not zero.
     let rest = [3 * N, steps, N, 3 * N * (A + 1), N * A].map(|n| vec![0x40; 4 * n]);
     let all = cpp::bytes(&[&values[..], &cut].concat(), f64::to_le_bytes);
     let buffers = [given, singles.into(), wide.into(), rest.into(), vec![all]].concat();
@@ -146,12 +147,12 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     near("means", &single(12), &at(&r.mean), 0.0);
     near("spreads", &single(13), &at(&r.spread), 0.0);
     near("actions", &single(14), &at(&r.actions), 1e-6);
-    near("surprise", &single(15), &f64s(&r.surprise[STEP * N..][..N]), 1e-5);
+    near("neg_log_prob", &single(15), &f64s(&r.neg_log_prob[STEP * N..][..N]), 1e-5);
     near("actions kept within their bounds", &single(16), &kept, 1e-6);
     let by = |x: &[f64], mean: f64, scale: f64| x.iter().map(|x| (x - mean) / scale).collect::<Vec<_>>();
     near("advantages, normalised", &single(17), &by(&r.advantages, mean, spread), 1e-6);
     let normalised = |x: &[f64], m: &RunningMoments| x.iter().map(|x| m.normalize(0, *x)).collect::<Vec<_>>();
-    near("goals", &single(18), &normalised(&returns, &moved), 1e-6);
+    near("value targets", &single(18), &normalised(&returns, &moved), 1e-6);
     near("values, normalised", &single(19), &normalised(&r.values, &policy.returns), 1e-6);
     near("values", &double(20), &r.values[STEP * N..][..N], 1e-12);
     let both: Vec<f64> = r.advantages.iter().zip(&returns).flat_map(|(a, r)| [*a, *r]).collect();
@@ -167,7 +168,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     assert_eq!(
         whole,
         [&ahead.which[..], &ahead.asked, &[0; N]].concat(),
-        "where values go, rows that are asked for, environments without slopes"
+        "where values go, rows that are asked for, environments without gradients"
     );
     near("gradients by values", &single(30), &ahead.by, 1e-6);
     let (mean, spread) = (at(&r.mean), at(&r.spread));
@@ -175,7 +176,7 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     near("the slower critic", &single(31), &followed, 1e-6);
 }
 
-/// What SHAC's way back begins with, of a rollout in which time ran out twice at most.
+/// Inputs of SHAC's backward pass, for a rollout with at most two truncations an environment.
 struct Ahead {
     shares: Vec<f64>,
     earned: Vec<f64>,

@@ -1,6 +1,7 @@
-//! Moments and stacks by hand, problems whose answers are known, runs that go on to the bit.
+//! Moments and stacks by hand, problems with known answers, resumed runs that equal unbroken ones.
 
-use nerd_tasks::{About, ChaCha8Rng, Task, View, Work};
+use nerd_tasks::formula::{Sight, Traced};
+use nerd_tasks::{About, ChaCha8Rng, Plain, Task};
 use rand::RngExt;
 
 use crate::*;
@@ -30,12 +31,12 @@ fn a_stack_holds_the_newest_and_the_differences_before_it() {
     assert_eq!(stack.rows, [3.0, 1.0, 1.0, 70.0, 0.0, 0.0]);
 }
 
-/// A point on a line, moved by at most 0.1 a step: the cart of a Cartpole that nothing else moves. Cut off after `length` steps, begins at
-/// one of two places.
+/// A point on a line, moved by at most 0.1 a step: the cart of a Cartpole under `Slide`. Episodes are truncated after
+/// `length` steps and begin at one of two places.
 struct Point {
     length: u64,
     starts: [f64; 2],
-    reward: fn(f64) -> f64,
+    reward: for<'a> fn(Traced<'a>) -> Traced<'a>,
 }
 
 impl Task for Point {
@@ -43,20 +44,26 @@ impl Task for Point {
         About { name: "point", robot: "cartpole", scene: "free", observation: 1, action: 1, steps: self.length, frames: 1 }
     }
 
+    fn plain(&self) -> Option<&dyn Plain> {
+        Some(self)
+    }
+
+    fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
+        out[0] = sight.q(0);
+    }
+
+    fn act<'a>(&self, _: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+        torques[0] = action[0];
+    }
+
+    fn reward<'a>(&self, sight: &Sight<'a>, _: &[Traced<'a>]) -> Traced<'a> {
+        (self.reward)(sight.q(0))
+    }
+}
+
+impl Plain for Point {
     fn reset(&self, _: &System, rng: &mut ChaCha8Rng) -> Vec<f64> {
         vec![self.starts[usize::from(rng.random::<bool>())], 0.0, 0.0, 0.0]
-    }
-
-    fn observe(&self, view: View, _: &mut Work, out: &mut [f64]) {
-        out[0] = view.state[0];
-    }
-
-    fn act(&self, _: View, action: &[f64], _: &mut Work, torques: &mut [f64]) {
-        torques.copy_from_slice(&[action[0], 0.0]);
-    }
-
-    fn reward(&self, view: View, _: &[f64], _: &mut Work) -> f64 {
-        (self.reward)(view.state[0])
     }
 }
 
@@ -72,7 +79,7 @@ impl Solver for Slide {
     }
 }
 
-fn points(n: usize, length: u64, starts: [f64; 2], reward: fn(f64) -> f64) -> Episodes {
+fn points(n: usize, length: u64, starts: [f64; 2], reward: for<'a> fn(Traced<'a>) -> Traced<'a>) -> Episodes {
     let system = System::named("cartpole").expect("built in");
     let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
     Episodes::new(Box::new(Point { length, starts, reward }), Simulation { batch, solver: Box::new(Slide) }, 1)
@@ -93,32 +100,40 @@ fn a_point_learns_to_go_home() {
 
 #[test]
 fn a_task_without_numbers_or_steps_is_refused_by_name() {
-    for (length, reward, expected) in [(5, (|_| f64::NAN) as fn(f64) -> f64, "its `reward` gives NaN"), (0, |x| x, "steps is 0")] {
+    for (length, reward, expected) in
+        [(5, (|_| f64::NAN.into()) as for<'a> fn(Traced<'a>) -> Traced<'a>, "its `reward` gives NaN"), (0, |x| x, "steps is 0")]
+    {
         let said = points(2, length, [1.0, 1.0], reward).step(&[0.0; 2]).expect_err("refused").to_string();
         assert!(said.contains("task `point`") && said.contains(expected), "{said}");
     }
 }
 
-/// The policy that learns from a rollout is the one that acted in it, so the first ratio is 1 and nothing parts them yet.
+/// The policy that learns from a rollout is the policy that acted in it, so the first probability ratio is 1.
 #[test]
 fn the_first_ratio_of_an_update_is_one() {
-    // One minibatch in one pass, and bounds that nothing but rounding keeps.
-    let config = PpoConfig { environments: 32, minibatch: 512, epochs: 1, clip: 1e-4, ..config("") };
+    // One minibatch in one epoch, and a clip range that allows rounding alone.
+    let config = PpoConfig { environments: 32, minibatch: 512, epochs: 1, clip_coef: 1e-4, ..config("") };
     let mut policy = policy(1, 1, 1, &[16], Activation::Tanh);
-    // Far from what a fresh policy has seen, so that moments taken in too early would change every answer.
+    // Far from observations that a fresh policy has seen: moments updated too early would change every answer.
     let mut episodes = points(32, 30, [4.0, -2.0], |x| -x * x);
     let mut adam = Adam::new(policy.flat.len(), 1e-3);
     let (mut running, mut engine) = (Running::new(&episodes, 1), OnCpu::default());
     for iteration in 0..3 {
         let noise = StreamKey { seed: 7, number: iteration * 16 };
-        let on =
-            Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
+        let on = RolloutInput {
+            episodes: &mut episodes,
+            running: &mut running,
+            policy: &policy,
+            config: &config,
+            noise,
+            stop: Default::default(),
+        };
         engine.roll(on).expect("steps");
         let before = policy.seen.clone();
         let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
         assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
         assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");
-        // Minus the mean of the normalised advantages, which is 0, if every ratio is 1.
+        // The actor loss is minus the mean of the normalised advantages, which is 0, if every ratio is 1.
         assert!(updated.actor.abs() < 1e-5, "iteration {iteration}: actor loss {:.1e}", updated.actor);
         assert!(policy.seen != before, "the rollout's observations are in no moments");
     }
@@ -126,10 +141,10 @@ fn the_first_ratio_of_an_update_is_one() {
 
 #[test]
 fn what_time_cuts_off_keeps_its_value() {
-    // Reward 1 for ever is worth 1 / (1 - gamma) = 10, however soon episodes are cut off; without bootstrapping it would be
-    // at most 4.1 in episodes of five steps.
+    // Reward 1 for ever is worth 1 / (1 - gamma) = 10, however soon episodes are truncated. Without bootstrapping it
+    // would be at most 4.1 in episodes of five steps.
     let config = PpoConfig { gamma: 0.9, ..config("") };
-    let mut trainer = Trainer::new(points(16, 5, [1.0, -1.0], |_| 1.0), config, 2).expect("fits");
+    let mut trainer = Trainer::new(points(16, 5, [1.0, -1.0], |_| 1.0.into()), config, 2).expect("fits");
     for _ in 0..120 {
         trainer.iterate().expect("goes on");
     }
@@ -172,8 +187,8 @@ fn a_resumed_run_equals_an_unbroken_one_on_any_number_of_threads() {
 
 #[test]
 fn a_learned_solver_goes_on_too() {
-    // A network of windows to the bit. One that keeps keys and values adds them up in the order of their slots, which depends
-    // on when an environment was last cleared: equal to rounding, 6e-6 rad/s where it was measured.
+    // A network of windows continues to the bit. A network with a cache of keys and values adds in the order of its
+    // slots. The order depends on the last reset, so the states are equal to rounding, measured as 6e-6 rad/s.
     use nerd_model::{base::Base, neural::Neural, transformer::Positions};
     for (name, base, positions, allowed) in
         [("cartpole-swingup", Base::State, Positions::Table, 0.0), ("ant-run", Base::Trapezoid, Positions::Rotary, 1e-5)]
@@ -206,10 +221,10 @@ fn a_learned_solver_goes_on_too() {
     }
 }
 
-/// Environments of a family have robots of their own, the same for a seed, and a snapshot knows which torques are late.
+/// Each environment of a family has a different robot, the same for a seed. A snapshot includes delayed torques.
 #[test]
 fn each_environment_has_a_robot_of_a_family() {
-    let arena = |name: &str| Arena::family("ant-run", name, Truth::Articulated, Device::Cpu);
+    let arena = |name: &str| Arena::family("ant-run", name, SolverSpec::default());
     let family = arena("ant-family").expect("a family of the Ant");
     let mut all = family.episodes("ant-run", 6, 3).expect("episodes");
     let masses = |e: &Episodes| e.simulation.batch.systems.iter().map(|own| own.robot.mass()).collect::<Vec<f64>>();
@@ -231,8 +246,8 @@ fn each_environment_has_a_robot_of_a_family() {
         let said = arena(name).map(|_| ()).expect_err(name).to_string();
         assert!(said.contains(why), "{name}: {said}");
     }
-    // A family goes at its task's pace, on its ground.
-    let rough = Arena::family("rough@anymal", "anymal-family", Truth::Articulated, Device::Cpu).expect("a family of ANYmal");
+    // A family runs at its task's frame time and on its task's ground.
+    let rough = Arena::family("rough@anymal", "anymal-family", SolverSpec::default()).expect("a family of ANYmal");
     let batch = rough.episodes("rough@anymal", 1, 0).expect("episodes").simulation.batch;
     let own = &batch.systems[0];
     assert_eq!((own.frame_time, own.spec.substeps, &*batch.scenes[0].name), (0.005, 1, "terrain"));
@@ -240,7 +255,7 @@ fn each_environment_has_a_robot_of_a_family() {
 
 #[test]
 fn a_policy_that_diverges_stops_with_a_line_and_its_record_can_be_read() {
-    let wild = "rate = 1\nkl = 0\nepochs = 50\nclip = 1e6\ngradient_norm = 1e9\nspread_by_state = true\nactivation = \"relu\"\n";
+    let wild = "learning_rate = 1\ntarget_kl = 0\nepochs = 50\nclip_coef = 1e6\nstate_dependent_std = true\nactivation = \"relu\"\n";
     let usual = "environments = 16\nhorizon = 16\nminibatch = 128\nhidden = [64, 64]\n";
     let config = PpoConfig::from_text(&format!("{usual}{wild}")).expect("good settings");
     let mut trainer = Trainer::new(points(16, 30, [1.0, -1.0], |x| -x * x), config, 5).expect("fits");
@@ -258,7 +273,7 @@ fn a_policy_that_diverges_stops_with_a_line_and_its_record_can_be_read() {
             }
         }
     }
-    assert!(said.contains("the policy has diverged: take a smaller `rate`"), "after {lines} iterations: `{said}`");
+    assert!(said.contains("the policy has diverged: take a smaller `learning_rate`"), "after {lines} iterations: `{said}`");
     // A record of an earlier build has null where figures were not finite.
     let text = serde_json::to_string(&Iteration::default()).expect("JSON").replace("\"kl\":0.0", "\"kl\":null");
     let line: Iteration = serde_json::from_str(&text).expect("read");

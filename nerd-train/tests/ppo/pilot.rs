@@ -1,11 +1,11 @@
-//! Policies act in the share of the data that was asked for, as they would in episodes, from fast starts and in turn in part of
-//! it, and the same seed gives the same bytes.
+//! Policies act in the requested share of the data as they do in episodes. Some trajectories begin fast, in some
+//! several policies take turns, and the same seed gives the same bytes.
 
 use nerd_tasks::Task;
 
 use crate::*;
 
-/// A policy that pulls all joints so strongly one way, hardly noisy.
+/// A policy that pulls all joints one way by `pull`, with little noise.
 fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (Arc<dyn Task>, Policy) {
     let mut policy = crate::policy(observation, stack, action, &[4], Activation::Relu);
     policy.flat.fill(0.0);
@@ -15,7 +15,7 @@ fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usiz
     (named(task).expect("known").into(), policy)
 }
 
-/// Records `trajectories` trajectories of `frames` frames in which these policies act; also the robot's number of joints.
+/// Records trajectories; these policies act in a share of them. Also returns the robot's number of joints.
 fn recorded(robot: &str, policies: Vec<(Arc<dyn Task>, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
     let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
@@ -28,7 +28,7 @@ fn recorded(robot: &str, policies: Vec<(Arc<dyn Task>, Policy)>, share: f64, fra
 fn policies_act_in_their_share_of_the_trajectories() {
     let run = |share: f64| recorded("ant", vec![pulling(0.25, "ant-run", 29, 8, 1)], share, 12, 40);
     let (r, joints) = run(0.5);
-    // A quarter of 400 N m, give or take at most twice the spread of e^-4, six deviations of it.
+    // A quarter of 400 N m, within six standard deviations of at most twice e^-4.
     let led = |t: &usize| r.torques[t * 12 * joints..][..12 * joints].iter().all(|tau| (tau - 100.0).abs() < 400.0 * 2.0 * 0.0184 * 6.0);
     let count = (0..40).filter(led).count();
     assert!((10..=30).contains(&count), "a policy acts in {count} of 40 trajectories, half were asked for");
@@ -47,7 +47,7 @@ fn an_action_stays_for_the_frames_of_its_step_and_answers_each_state() {
     for t in 0..40 {
         for f in (0..12).step_by(2) {
             moved += usize::from(torque(t, f) != torque(t, f + 1));
-            // The position law pulls to a quarter of 0.03125 rad ahead, from near rest: one way at the first frame.
+            // The target is a quarter of 0.03125 rad ahead: near rest, the PD law's first torques have one sign.
             weak += usize::from(f == 0 && resting(t) && torque(t, 0).iter().any(|tau| *tau <= 0.0));
         }
     }
@@ -61,14 +61,15 @@ fn part_of_the_trajectories_begin_fast_and_in_part_policies_take_turns() {
     let (frames, trajectories) = (100, 200);
     let (r, joints) = recorded("ant", ways(), 1.0, frames, trajectories);
     let (nq, d) = (15, 29);
-    // Beyond what resets draw for a joint (rad/s).
+    // Faster than any reset of a joint (rad/s).
     let fast = |t: &usize| r.states[t * (frames + 1) * d + nq + 6..][..joints].iter().any(|v| v.abs() > 0.25);
     let fast = (0..trajectories).filter(fast).count();
     assert!((30..=70).contains(&fast), "{fast} of 200 trajectories begin fast, a quarter was looked for");
     let signs = |t: usize| (0..frames).map(move |f| (t, f)).map(|(t, f)| r.torques[(t * frames + f) * joints] > 0.0).collect::<Vec<_>>();
     let turns: Vec<usize> = (0..trajectories).map(|t| signs(t).windows(2).filter(|w| w[0] != w[1]).count()).collect();
     let mixed = turns.iter().filter(|n| **n > 0).count();
-    // One in thirty frames, in a quarter of the trajectories; of these e^-3.3 see no turn.
+    // Policies change every thirty frames on average, in a quarter of the trajectories. A share e^-3.3 of these has no
+    // change.
     assert!((30..=70).contains(&mixed), "policies take turns in {mixed} of 200 trajectories, a quarter was looked for");
     let each = turns.iter().sum::<usize>() as f64 / mixed as f64;
     assert!((2.0..5.0).contains(&each), "{each:.1} turns in a mixed trajectory of 100 frames, 3.3 were looked for");

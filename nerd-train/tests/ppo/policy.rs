@@ -1,4 +1,5 @@
-//! Policies against the textbook in f64: what shipped ones say, gradients of the loss; and their folders and settings.
+//! Policies against the textbook in f64: outputs of shipped policies, gradients of the loss; their folders and
+//! settings.
 
 use nerd_tasks::names;
 use nerd_train::ppo::folder::{PolicyConfig, load, save};
@@ -9,10 +10,10 @@ use crate::*;
 #[test]
 fn gradients_are_those_of_the_loss_written_down_in_f64() {
     let mut worst: f64 = 0.0;
-    for (activation, spread_by_state, value_clip) in
+    for (activation, state_dependent_std, value_clip) in
         [(Activation::Tanh, false, 0.2), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
-        let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, spread_by_state };
+        let shape = Shape { observation: 3, stack: 1, action: 2, hidden: vec![5, 4], activation, state_dependent_std };
         let mut rng = stream(3, 0);
         let mut draw = move || f64::from(rng.random::<f32>()) * 2.0 - 1.0;
         let mut policy = Policy::new(shape, &mut stream(1, 1));
@@ -25,28 +26,27 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             actions: f32s(numbers(n * 2, 2.0)),
             mean: f32s(numbers(n * 2, 0.5)),
             spread: f32s(numbers(n * 2, 0.2)),
-            // Near what the policy says itself, so that some ratios are clipped and some are not.
-            surprise: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
+            // Near the policy's own values, so that some ratios are clipped and some are not.
+            neg_log_prob: f32s(numbers(n, 1.0).into_iter().map(|x| 3.0 + x).collect()),
             values: numbers(n, 0.4),
             advantages: numbers(n, 1.0),
         };
-        // One minibatch of all steps, whose gradient is not clipped: it is ten times Adam's first moment.
+        // One minibatch of all steps: ten times Adam's first moment is the gradient, scaled to a norm of at most 1.
         let config = PpoConfig {
             environments: n,
             horizon: 1,
             minibatch: n,
             epochs: 1,
-            entropy: 0.02,
-            bounds: 0.3,
-            critic: 2.0,
+            ent_coef: 0.02,
+            bounds_coef: 0.3,
             value_clip,
-            gradient_norm: 1e6,
             ..PpoConfig::default()
         };
         let (mut engine, mut learned, mut adam) = (OnCpu::default(), policy.clone(), Adam::new(policy.flat.len(), 1e-3));
         engine.rollout = rollout.clone();
-        engine.update(&mut learned, &mut adam, &config, StreamKey { seed: 0, number: 0 }).expect("the CPU");
-        let found: Vec<f32> = adam.m.iter().map(|m| 10.0 * m).collect();
+        let updated = engine.update(&mut learned, &mut adam, &config, StreamKey { seed: 0, number: 0 }).expect("the CPU");
+        let scale = 10.0 * updated.gradient_norm.max(1.0) as f32;
+        let found: Vec<f32> = adam.m.iter().map(|m| scale * m).collect();
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
         for k in 0..params.len() {
             let at = |h: f64| {
@@ -63,7 +63,7 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
     println!("worst gap {worst:.1e}");
 }
 
-/// What a policy of these parameters says of an observation, by the textbook.
+/// Outputs of a policy with these parameters for an observation, by the textbook.
 fn said(flat: &[f64], policy: &Policy, observation: &[f64]) -> Vec<f64> {
     let (sizes, mut at) = (policy.shape.widths(), 0);
     let mut x: Vec<f64> = observation.iter().enumerate().map(|(k, x)| policy.seen.normalize(k, *x)).collect();
@@ -109,7 +109,7 @@ fn shipped_policies_say_what_their_weights_say_in_f64() {
     assert!(count > 0, "no policies are shipped");
 }
 
-/// The loss as the header of `loss.rs` has it, without a thought for speed; returns are in moments that they have been taken into.
+/// The loss of `loss.rs`, written without a thought for speed; `moments` include the rollout's returns.
 fn loss(flat: &[f64], policy: &Policy, moments: &RunningMoments, r: &Rollout, c: &PpoConfig) -> f64 {
     let shape = &policy.shape;
     let mean = r.advantages.iter().sum::<f64>() / r.advantages.len() as f64;
@@ -118,22 +118,22 @@ fn loss(flat: &[f64], policy: &Policy, moments: &RunningMoments, r: &Rollout, c:
     for i in 0..r.values.len() {
         let x = said(flat, policy, &r.observations[3 * i..3 * i + 3]);
         let free = flat.len() - 2;
-        let s: Vec<f64> = (0..2).map(|k| if shape.spread_by_state { x[3 + k] } else { flat[free + k] }).collect();
+        let s: Vec<f64> = (0..2).map(|k| if shape.state_dependent_std { x[3 + k] } else { flat[free + k] }).collect();
         let half_ln_tau = 0.5 * std::f64::consts::TAU.ln();
-        let (mut surprise, mut others) = (0.0, 0.0);
+        let (mut neg_log_prob, mut others) = (0.0, 0.0);
         for k in 0..2 {
             let a = f64::from(r.actions[2 * i + k]);
-            surprise += 0.5 * ((a - x[k]) / s[k].exp()).powi(2) + s[k] + half_ln_tau;
-            others += f64::from(c.bounds) * ((x[k] - 1.1).max(0.0).powi(2) + (x[k] + 1.1).min(0.0).powi(2));
-            others -= f64::from(c.entropy) * (s[k] + half_ln_tau + 0.5);
+            neg_log_prob += 0.5 * ((a - x[k]) / s[k].exp()).powi(2) + s[k] + half_ln_tau;
+            others += f64::from(c.bounds_coef) * ((x[k] - 1.1).max(0.0).powi(2) + (x[k] + 1.1).min(0.0).powi(2));
+            others -= f64::from(c.ent_coef) * (s[k] + half_ln_tau + 0.5);
         }
-        let ratio = (f64::from(r.surprise[i]) - surprise).exp();
+        let ratio = (f64::from(r.neg_log_prob[i]) - neg_log_prob).exp();
         let advantage = (r.advantages[i] - mean) / spread;
         let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
-        let (v, goal, old) = (x[2], moments.normalize(0, r.advantages[i] + r.values[i]), policy.returns.normalize(0, r.values[i]));
+        let (v, value_target, old) = (x[2], moments.normalize(0, r.advantages[i] + r.values[i]), policy.returns.normalize(0, r.values[i]));
         let near = old + (v - old).clamp(-0.2, 0.2);
-        let held = if c.value_clip > 0.0 { (near - goal).powi(2) } else { 0.0 };
-        total += actor + f64::from(c.critic) / 2.0 * (v - goal).powi(2).max(held) + others;
+        let held = if c.value_clip > 0.0 { (near - value_target).powi(2) } else { 0.0 };
+        total += actor + 2.0 * (v - value_target).powi(2).max(held) + others;
     }
     total / r.values.len() as f64
 }
@@ -169,7 +169,7 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         let said = load(folder).expect_err("cannot be").to_string();
         assert!(said.contains("hidden is 1.8446744073709552e19"), "{name}: {said}");
     }
-    // Weights of another policy of the same shape, and of one of another task.
+    // Weights of another policy of the same task, and of a policy of another task.
     let [own, other] = [(); 2].map(|()| tempfile::tempdir().expect("temporary folder"));
     let weights = |of: &Path| std::fs::copy(of.join("policy.safetensors"), own.path().join("policy.safetensors")).expect("copied");
     let shipped = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/policies").join(name);
@@ -181,14 +181,30 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
     weights(other.path());
     let said = load(own.path()).expect_err("other weights").to_string();
     assert!(said.contains("policy.safetensors: its weights are not those that config.json has the hash of"), "{said}");
-    // An older one knows its task alone.
+    // An older file of weights names its task alone.
     weights(&shipped("ant-spin-neural-200"));
     std::fs::copy(shipped("ant-run-neural-200").join("config.json"), own.path().join("config.json")).expect("copied");
     let said = load(own.path()).expect_err("another task").to_string();
     assert!(said.contains("it is of task `ant-spin`, and config.json of `ant-run`"), "{said}");
-    for (text, key) in [("environments = 1\nhurry = true", "hurry"), ("environments = 0", "environments"), ("rate = nan", "rate")] {
+    for (text, key) in
+        [("environments = 1\nhurry = true", "hurry"), ("environments = 0", "environments"), ("learning_rate = nan", "learning_rate")]
+    {
         let said = PpoConfig::from_text(text).expect_err(text).to_string();
         assert!(said.contains(key), "{text}: {said}");
     }
+    let old = "rate = 2e-3\nkl = 0.5\nclip = 0.3\nentropy = 0.1\nbounds = 0.2\nspread = 0.5\n";
+    let new = "learning_rate = 2e-3\ntarget_kl = 0.5\nclip_coef = 0.3\nent_coef = 0.1\nbounds_coef = 0.2\ninit_noise_std = 0.5\n";
+    assert_eq!(PpoConfig::from_text(old).expect("old keys"), PpoConfig::from_text(new).expect("new keys"));
+    let said = PpoConfig::from_text("kl = 0.1\ntarget_kl = 0.1").expect_err("twice").to_string();
+    assert!(said.contains("`kl` is the old name of `target_kl`, and both are given"), "{said}");
+    let config = own.path().join("config.json");
+    let text = std::fs::read_to_string(&config).expect("read");
+    let before = text.replace("vf_coef", "critic").replace("learning_rate", "rate").replace("state_dependent_std", "spread_by_state");
+    let [(new, _), (old, _)] = [&text, &before].map(|text| {
+        std::fs::write(&config, text).expect("written");
+        weights(&shipped("ant-run-neural-200"));
+        load(own.path()).expect("a policy")
+    });
+    assert!(text != before && new == old);
     assert!(PpoConfig::of("juggle").is_err() && PpoConfig::small("cartpole-juggle").is_err());
 }

@@ -1,4 +1,4 @@
-//! Passive evaluation: what is held against itself has no error at all, whatever drives it.
+//! Passive evaluation: a solver compared with itself has no error, under any action.
 
 use crate::*;
 
@@ -28,7 +28,7 @@ impl Solver for Fails {
     }
 }
 
-/// A rollout that cannot be gone on with is no good one: it stands where it stood and is held against the truth there.
+/// A failed rollout stays at its last state, and its error there counts.
 #[test]
 fn what_fails_is_counted_and_errs_as_what_stands_still() {
     let system = System::named("pendulum").expect("built in");
@@ -54,7 +54,7 @@ fn targets_are_of_each_start_and_within_what_is_asked() {
     assert!((0.25..=0.3).contains(&most), "{most} rad at most");
     let of = |target, env: usize| -> Vec<f64> { held.drives(target, 5)[12 * env..12 * env + 12].iter().map(|d| d.target).collect() };
     assert!(of(0, 0) != of(0, 1) && of(0, 0) != of(1, 0) && of(0, 0) == of(0, 3), "of each start and target; in turn");
-    // The same solver twice goes the same way, and another than limp.
+    // The same solver twice has no error; held targets move the robot otherwise than limp joints.
     let scene = system.scene("ground").expect("scene");
     let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
     let report = |action| passive(&system, &scene, &mut solver(), &mut solver(), protocol(action), &mut |_| ()).expect("finite");

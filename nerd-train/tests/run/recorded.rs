@@ -1,4 +1,4 @@
-//! Recorded motion as a truth: what is learned, what is held out, what stands beside it.
+//! Recorded motion as the truth: training, held-out trajectories, and solvers beside the model.
 
 use std::fmt::Write;
 
@@ -74,7 +74,7 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     assert!(found.line().starts_with("use the solver"), "{found}");
     assert!(found.to_string().contains("2 starts, 50 frames with their torques, 0 frames seen before each"), "{found}");
 
-    // Another log of the same motions, from frame 10 on, that is 0.1 rad off.
+    // Another log of the same motions, from frame 10 on, offset by 0.1 rad.
     let off = |t: &Trajectory| {
         let state = |(k, s): (usize, &Vec<f64>)| vec![s[0] + if k > 0 { 0.1 } else { 0.0 }, s[1]];
         Trajectory { id: 0, states: t.states[10..].iter().enumerate().map(state).collect(), torques: t.torques[10..].to_vec() }
@@ -90,19 +90,19 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     let said = measured.beside(&other, 3, None, 64).map(drop).expect_err("other starts").to_string();
     assert!(said.starts_with("--beside") && said.lines().count() == 1, "{said}");
 
-    // Nothing of a model comes from what was held out.
+    // Held-out trajectories do not affect the weights.
     let weights = |folder: &Path| std::fs::read(folder.join("model.safetensors")).expect("weights");
     let before = weights(&done);
     log(folder.path(), 12, 3.0);
     let again = Run::new(&config(folder.path(), "b")).expect("a run").train().expect("trained").expect("a model");
     assert!(weights(&again) == before, "other held-out trajectories make another model");
-    // It did not learn this log: it is judged where the solver that is calibrated beside it was not fitted.
+    // This log was not learned: the model is evaluated where the calibrated solver was not fitted.
     let other = Measured::of(&folder.path().join("log.toml"), &model).expect("a log");
     assert_eq!((other.held_out.iter().map(|t| t.id).collect::<Vec<_>>(), other.size()[0]), (vec![4, 9], 9));
     assert!(Truth::named(&card.truth).is_err_and(|e| e.contains("evaluate --data")), "no solver is what was recorded");
 }
 
-/// Windows, streams and training through rollouts; trajectories that are too few to be parted by name.
+/// Windows, streams and training through rollouts. With too few trajectories, the last fifth of each is held out.
 #[test]
 fn every_form_learns_from_a_log() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -126,7 +126,7 @@ fn what_means_nothing_beside_a_log_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     log(folder.path(), 6, 1.0);
     let cases: [(&str, Value, &str); 6] = [
-        ("fresh", 1000.into(), "--fresh"),
+        ("fresh-transitions", 1000.into(), "--fresh-transitions"),
         ("transitions", 1000.into(), "--transitions"),
         ("robot", "pendulum".into(), "names it"),
         ("truth", "paper".into(), "--truth"),
@@ -141,7 +141,7 @@ fn what_means_nothing_beside_a_log_is_refused() {
     }
 }
 
-/// Moves nothing, and keeps what it was shown.
+/// Moves nothing, and records the states and frame numbers that it is given.
 #[derive(Default)]
 struct Spy(Vec<(Vec<f64>, u64)>);
 
@@ -153,7 +153,7 @@ impl Solver for Spy {
     }
 }
 
-/// A solver is shown frames without a gap, and errs from the last of them on.
+/// A solver is given frames without a gap, and its errors count from the last given frame on.
 #[test]
 fn frames_before_a_start_are_shown_as_they_were() {
     let system = System::named("pendulum").expect("built in");

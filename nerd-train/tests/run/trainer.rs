@@ -1,10 +1,10 @@
-//! What a run says while it trains.
+//! A run reports a rising validation loss while it trains, and ignores noise.
 
 use nerd_train::trainer::Trainer;
 
 use crate::*;
 
-/// Learns nothing; its validations are these.
+/// Learns nothing; `losses` are its validation losses.
 struct Told {
     state: LearnerState,
     losses: Vec<f32>,
@@ -29,7 +29,7 @@ impl Learner for Told {
     }
 }
 
-/// At which validations a run says that its loss has risen; `stop` is where it is left and continued.
+/// A run's reports of a risen loss, as (step, validations since the least). The run is stopped at `stop` and continued.
 fn told(losses: &[f32], stop: usize) -> Vec<(u64, u64)> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (first, last) in [(0, stop), (stop, losses.len())] {

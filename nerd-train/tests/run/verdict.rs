@@ -1,4 +1,4 @@
-//! Verdicts: what has learned nothing errs as its base, and what is linear is learned by the linear map.
+//! Verdicts: a model that learned nothing has its base's errors, and a linear motion is learned by the linear map.
 
 use nerd_sim::instruments::{Glide, Hold};
 use nerd_train::verdict::{Row, Verdict, verdict};
@@ -6,7 +6,7 @@ use nerd_train::verdict::{Row, Verdict, verdict};
 use crate::common::models::model;
 use crate::*;
 
-/// Of the base of a robot without a free root alone, as a model of weights that are 0.
+/// The verdict of a model with weights 0, for a robot without a free root.
 fn judged(system: &Arc<System>, scene: &str, base: Base, action: Action) -> Verdict {
     let (protocol, mut nothing) = (PassiveConfig { starts: 4, steps: 30, seed: 5, action }, model(system, base));
     nothing.weights.flat.fill(0.0);
@@ -16,7 +16,7 @@ fn judged(system: &Arc<System>, scene: &str, base: Base, action: Action) -> Verd
     found
 }
 
-/// On any base weights of 0 are the base: the ratio is 1, so no such model passes, and the solver is what to use.
+/// With weights 0 the model is its base: the error ratio is 1, the model fails, and the verdict advises the solver.
 #[test]
 fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
     let system = System::named("pendulum").expect("built in");
@@ -33,7 +33,7 @@ fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
         assert!(!found.line().starts_with("use the network"), "{}", found.line());
         assert!(found.equal().is_some(), "at the truth's own substeps the error is 0");
         assert!(found.articulated.iter().rev().skip(1).all(|row| row.mean() > found.model.mean()), "{:?}", found.articulated);
-        // Another solver that errs less is advised where it is known to take less time.
+        // A solver with smaller errors is advised if it is known to take less time.
         for microseconds in [1e-3, 0.0] {
             let other = Row { of: "another".into(), errors: found.model.errors.clone(), microseconds, diverged: 0 };
             let line = Verdict { beside: vec![other], ..found.clone() }.line();
@@ -51,6 +51,6 @@ fn a_linear_motion_is_learned_by_the_linear_map() {
     let system = System::named(&path.display().to_string()).expect("a robot");
     let found = judged(&system, "free", Base::State, Action::Random(1.0));
     let share = found.linear.errors[0] / found.base.errors[0];
-    // What is left is the rounding of tokens to f32, and the ridge.
+    // Left are the rounding of tokens to f32, and the ridge.
     assert!(share < 1e-3, "the linear map errs {share:.1e} of hold last");
 }

@@ -1,4 +1,4 @@
-//! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
+//! Kernels of training through rollouts against the CPU's, without a GPU: their text is compiled as C++ for the CPU.
 
 use nerd_model::device::padded;
 use nerd_train::unroll::chain::View;
@@ -7,18 +7,19 @@ pub use crate::common::models::{some, worse, worst as apart};
 use crate::*;
 
 const ROLLOUTS: usize = 24;
-/// Frame whose loss is counted, counted from 0; the share of it that the programs take, too.
+/// Index of the frame in its rollouts, and the weight of its loss.
 const FRAME: usize = 3;
 const WEIGHT: f64 = 0.7;
 
-/// A state or a slope as numbers.
+/// A state or a gradient as numbers.
 fn numbers(rods: &Rods) -> Vec<f64> {
     rods.gripper.numbers().chain(rods.along.iter().chain(&rods.rates).flatten().copied()).collect()
 }
 
-/// Every kernel of an update in turn, for frame K of N rollouts: of rollouts as they begin and as they are there, recorded states and truths,
-/// torques, scenes; states, outputs, gradients by tokens and by later states. What they find: gradients by states after and before, tokens,
-/// losses, what a frame keeps, gradients by outputs, and which are near the truth.
+/// Every kernel of an update in turn, for frame K of N rollouts. Inputs: rollouts at the start and at frame K, recorded
+/// states and truths, torques, scenes. Then states, outputs, gradients by tokens and by later states. Results:
+/// gradients by the states after and before, tokens, losses, contacts, gradients by outputs, and which rollouts are
+/// near the truth.
 const LAUNCHES: &str = "
 #define WORLD_OF(rollouts) b[rollouts], b[3], b[4], b[5], FRAMES
 #define EVERY for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++)
@@ -34,8 +35,8 @@ const LAUNCHES: &str = "
     EVERY unroll_end(WORLD_OF(0), b[6], K + 1, b[15]);
 ";
 
-/// Rollouts by kernels against the CPU's, from these places on: largest differences of the states before and after a frame, its tokens, the
-/// loss, its slopes, those by outputs and by the state before; and the CPU's tokens.
+/// Rollouts by kernels against the CPU's, from these starts. Largest differences of: states before and after a frame,
+/// tokens, loss, its gradient, gradients by outputs and by the state before. Also returns the CPU's tokens.
 fn apart_on_cpu(
     compiler: &cpp::Compiler,
     (body, system, motions): (&Cable, &Arc<System>, &Motions),
@@ -43,7 +44,7 @@ fn apart_on_cpu(
 ) -> ([f64; 6], Vec<f64>) {
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
     let (rows, inputs, outputs, state) = (body.chain.rods, INPUTS, OUTPUTS, body.width());
-    let slope = numbers(&body.level()).len();
+    let gradient = numbers(&body.level()).len();
     let single = |n: usize, size: f64| some(n, size).into_iter().map(|x| x as f32).collect::<Vec<f32>>();
     let (predicted, by_tokens) = (single(ROLLOUTS * rows * outputs, 0.3), single(ROLLOUTS * rows * inputs, 0.01));
     let (upstreams, count) = (some(ROLLOUTS * state, 5.0), motions.len() * (motions.frames + 1));
@@ -62,7 +63,7 @@ fn apart_on_cpu(
     let launches = format!("{sizes}\nconst double WEIGHT = {WEIGHT};{LAUNCHES}");
     let found = compiler.launch(&body.program(system, colliders), &launches, &buffers);
     let wide = |x: Vec<f32>| x.into_iter().map(f64::from).collect::<Vec<f64>>();
-    let [states, slopes, losses, fronts] = [6, 10, 12, 9].map(|k| cpp::doubles(&found[k]));
+    let [states, gradients, losses, fronts] = [6, 10, 12, 9].map(|k| cpp::doubles(&found[k]));
     let [tokens, by_outputs] = [11, 14].map(|k| wide(cpp::floats(&found[k])));
 
     let (mut worst, mut all_tokens) = ([0.0f64; 6], Vec::new());
@@ -75,7 +76,7 @@ fn apart_on_cpu(
         let truth = body.truth(motions, &place(FRAME + 1));
         let (mut all, mut upstream, mut front) = (body.level(), body.level(), body.level());
         let vectors = upstream.along.iter_mut().chain(&mut upstream.rates).flat_map(|v| v.iter_mut());
-        upstream.gripper.numbers_mut().chain(vectors).zip(&upstreams[i * state..][..slope]).for_each(|(x, n)| *x = *n);
+        upstream.gripper.numbers_mut().chain(vectors).zip(&upstreams[i * state..][..gradient]).for_each(|(x, n)| *x = *n);
         let cost = body.loss([&moved, &truth], FRAME + 1, WEIGHT, &mut all);
         body.join(&mut all, &upstream, 1 + i);
         let wanted = body.advance_back(&own, predicted, &all, &mut front);
@@ -88,9 +89,9 @@ fn apart_on_cpu(
             worse(after(FRAME, &own), after(FRAME + 1, &moved)),
             apart(&seen, &expected),
             apart(&losses[i..][..1], &[cost]),
-            apart(&slopes[i * state..][..slope], &numbers(&all)),
+            apart(&gradients[i * state..][..gradient], &numbers(&all)),
             apart(&by_outputs[i * rows * outputs..][..rows * outputs], &wide(wanted)),
-            apart(&fronts[i * state..][..slope], &numbers(&front)),
+            apart(&fronts[i * state..][..gradient], &numbers(&front)),
         ];
         worst.iter_mut().zip(off).for_each(|(worst, off)| *worst = worse(*worst, off));
         assert_eq!(found[15][4 * i] != 0, body.near(&moved, &truth), "rollout {i}");
@@ -114,8 +115,8 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let starts: Vec<_> = (0..ROLLOUTS).map(start).collect();
     let (worst, tokens) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts);
     let touching = tokens.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
-    println!("{touching} ends of rods near a surface; states, tokens, loss, its slopes, by outputs, by the chain: {worst:?} off");
-    // Roundings of numbers of 64 bits, and of 32.
+    println!("{touching} ends of rods near a surface; states, tokens, loss, its gradients, by outputs, by the chain: {worst:?} off");
+    // Rounding of f64, and of f32.
     let bounds = [1e-9, 1e-6, 1e-9, 1e-9, 1e-6, 1e-9];
     assert!(touching > 100 && worst.iter().zip(bounds).all(|(off, most)| *off < most), "{touching}, {worst:?}");
 }

@@ -1,4 +1,4 @@
-//! Robots seen by one token: slopes through frames, and that rollouts come nearer to the truth.
+//! Robots with one token a frame: gradients through frames, and rollouts that come nearer to the truth.
 
 use nerd_train::prepare::generate;
 use nerd_train::unroll::robot::Robot;
@@ -6,7 +6,7 @@ use nerd_train::unroll::robot::Robot;
 use crate::kernels::{apart, some, worse};
 use crate::*;
 
-/// As the paper has it, with positions that go with their velocities, and with velocities of contact points.
+/// The paper's form, forms with the trapezoid as base, and views with velocities of contact points.
 const ROBOTS: [(&str, Base, View); 11] = [
     ("cartpole", Base::Trapezoid, View::Moving),
     ("pendulum", Base::State, View::Own),
@@ -40,13 +40,13 @@ fn weights(system: &System, form: Form) -> Weights {
 }
 
 #[test]
-fn the_slope_of_a_rollout_is_that_of_differences() {
-    // Others' upstream gradients are so large that they are limited.
+fn the_gradient_of_a_rollout_is_that_of_differences() {
+    // Upstream gradients of the other forms are so large that they are clipped.
     for (robot, form) in forms().filter(|(robot, form)| form.base == Base::State && *robot != "franka") {
         let (system, motions, normalizer) = case(robot, form);
         let body = Robot::new(&system, form, &normalizer, &motions);
         let course = Course { body, train: motions.clone(), validation: motions, frames: 4 };
-        let off = rollouts::slope_off(&course, &weights(&system, form), |_| (), 3e-4);
+        let off = rollouts::gradient_off(&course, &weights(&system, form), |_| (), 3e-4);
         assert!(off < 2e-3, "{robot}, {form:?}: off by {off:.1e}");
     }
 }
@@ -63,8 +63,8 @@ fn a_gradient_by_outputs_is_that_of_differences() {
             let (own, truth) = (body.truth(&motions, &place), body.truth(&motions, &Place { frame: i + 1, ..place }));
             let look = body.look(&own, (&motions, &place), &mut scratch, &mut Vec::new());
             let mut cost = |outputs: &[f32]| {
-                let (moved, mut slope) = (body.advance(&own, &look, outputs, &mut scratch), body.level());
-                (body.loss([&moved, &truth], 1, 1.0, &mut slope), slope)
+                let (moved, mut gradient) = (body.advance(&own, &look, outputs, &mut scratch), body.level());
+                (body.loss([&moved, &truth], 1, 1.0, &mut gradient), gradient)
             };
             let upstream = cost(&outputs).1;
             let expected = (0..d).map(|k| {
@@ -80,7 +80,7 @@ fn a_gradient_by_outputs_is_that_of_differences() {
             let found = body.advance_back(&own, &outputs, &upstream, &mut body.level());
             off = worse(off, apart(&found.into_iter().map(f64::from).collect::<Vec<_>>(), &expected));
         }
-        assert!(off < 2e-3, "{robot}, {form:?}: {off:.1e} of the largest slope off");
+        assert!(off < 2e-3, "{robot}, {form:?}: {off:.1e} of the largest gradient off");
     }
 }
 

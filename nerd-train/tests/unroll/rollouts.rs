@@ -1,4 +1,4 @@
-//! Chains: views of a motion, scenes drawn again, the slope of a rollout's loss, and that something is learned.
+//! Chains: views of a motion, scenes drawn again, the gradient of a rollout's loss, and that a model learns.
 
 use nerd_model::chain::Look;
 use nerd_sim::dataset::{Manifest, generate};
@@ -74,7 +74,7 @@ fn a_motion_turned_and_mirrored_is_one_as_well() {
             }
             (12..18).for_each(|k| worst = worst.max(f64::from((own[k] - other[k]).abs()) * 1e-6));
         }
-        // Through the network's own form of a state and back.
+        // Through the chain's form of a state and back.
         let mut state = vec![0.0; motions.state(2, 0).len()];
         chain.state(&seen, &mut state);
         worst = worst.max(apart(&chain.rods(&state), &seen));
@@ -98,7 +98,7 @@ fn scenes_are_drawn_again_from_the_seed() {
     }
     assert!(read.scenes.iter().any(|scene| colliders(scene) != colliders(&read.scenes[0])), "each has its own");
 
-    // The seed decides: under another one nothing fits.
+    // Under another seed the recorded contacts do not fit the scenes.
     let mut manifest = Manifest::read(folder.path()).expect("written");
     manifest.seed = 4;
     let error = manifest.shard_in_scenes(folder.path(), &manifest.shards[0], &system).expect_err("other scenes").to_string();
@@ -106,7 +106,7 @@ fn scenes_are_drawn_again_from_the_seed() {
 }
 
 /// Error of the loss gradient of a few rollouts, some in contact, against finite differences along it with step `h`.
-pub fn slope_off<B: Body>(course: &Course<B>, weights: &Weights, view: impl Fn(usize) -> B::View, h: f64) -> f64 {
+pub fn gradient_off<B: Body>(course: &Course<B>, weights: &Weights, view: impl Fn(usize) -> B::View, h: f64) -> f64 {
     let passed = |flat: &[f32]| {
         let network = Loaded::new(weights.config.program(), flat);
         let unroll = Unroll { course, network: &network };
@@ -121,16 +121,16 @@ pub fn slope_off<B: Body>(course: &Course<B>, weights: &Weights, view: impl Fn(u
         passed(&flat.collect::<Vec<f32>>()).0
     };
     let wanted = (moved(h) - moved(-h)) / (2.0 * h);
-    println!("{} frames: a slope of {size:.4}, by differences {wanted:.4}", course.frames);
+    println!("{} frames: a gradient of {size:.4}, by differences {wanted:.4}", course.frames);
     (size / wanted - 1.0).abs()
 }
 
 #[test]
-fn the_slope_of_a_rollout_is_that_of_differences() {
+fn the_gradient_of_a_rollout_is_that_of_differences() {
     let case = case();
-    // Along the gradient slopes through normals, which count as constant, weigh least.
+    // Contact normals count as constant. Along the loss gradient this matters least.
     for (frames, most) in [(1, 5e-3), (4, 2e-2)] {
-        let off = slope_off(&course(&case, frames), &weights(&case.chain), |k| View::new(k as f64, k.is_multiple_of(2)), 1e-2);
+        let off = gradient_off(&course(&case, frames), &weights(&case.chain), |k| View::new(k as f64, k.is_multiple_of(2)), 1e-2);
         assert!(off < most, "{frames} frames: off by {off:.1e}");
     }
 }
@@ -184,7 +184,7 @@ fn a_run_makes_a_model_that_is_picked_like_all_others() {
     (config.record.frames, config.sequence, config.validation_windows) = (30, Some(2), 50);
     let model = Run::new(&config).expect("a run").train().expect("trained").expect("a model");
     let system = System::named(&robot.to_string_lossy()).expect("the cable");
-    let mut solver = Setting::Neural(model.clone()).solver(&system).expect("its solver");
+    let mut solver = SolverSpec::neural(&model).solver(&system, 1).expect("its solver");
     let mut batch = Batch::new(&system, &system.scene("plane").expect("a floor"), 2);
     solver.step(&mut batch, &vec![0.0; 2 * system.robot.joint_count()]).expect("a frame");
 
@@ -193,7 +193,7 @@ fn a_run_makes_a_model_that_is_picked_like_all_others() {
         change(&mut config);
         Run::new(&config)
     };
-    // A run from it begins with its weights and goes by its scales.
+    // A run from the model starts with its weights and uses its scales.
     let onward = but(&|c| (c.from, c.out, c.sequence) = (Some(model.clone()), folder.path().join("next"), Some(3)));
     onward.expect("a run").train().expect("trained").expect("a model");
     // Rollouts of another length are another run.
@@ -204,8 +204,8 @@ fn a_run_makes_a_model_that_is_picked_like_all_others() {
     let pendulum = but(&|c| c.robot = "pendulum".into()).err().expect("refused").to_string();
     assert!(pendulum.starts_with("robot `pendulum` is not a chain") && !pendulum.contains('\n'), "{pendulum}");
 
-    // One rod fewer: another robot, by its name the same.
+    // One rod fewer: another robot of the same name.
     let shorter = Arc::new(System::from_toml("cable", &CABLE.replace("links = 6", "links = 5")).expect("a cable"));
-    let error = Setting::Neural(model).solver(&shorter).err().expect("six rods were learned").to_string();
+    let error = SolverSpec::neural(&model).solver(&shorter, 1).err().expect("six rods were learned").to_string();
     assert!(error.contains("6") && error.contains("5 rods"), "{error}");
 }

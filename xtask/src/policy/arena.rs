@@ -1,54 +1,59 @@
-//! Options for the simulator that a policy acts in.
+//! Options of a policy's simulator.
 
-use nerd_lab::experiments::games::{learned, truth_on};
-use nerd_train::ppo::Arena;
+use nerd_train::{ppo::Arena, spec::SolverSpec, tell};
 
-use crate::{options::MODELS, prelude::*, solvers::SolverName};
+use crate::{options::MODELS, prelude::*, solvers::spec};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {
-    /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (4 steps)
-    #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
-    pub solver: SolverName,
-    /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
+    /// Solver: articulated, rapier or neural, with settings in brackets as in `rollout`
+    #[arg(long, value_parser = spec, default_value = "articulated")]
+    pub solver: SolverSpec,
+    /// Folder of the model of `neural` [default: models/TASK if it exists, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, such as `ant-family`, or the path of a URDF whose TOML has `[vary]`: each environment gets one of its
-    /// robots, drawn by the seed
-    #[arg(long, value_name = "ROBOT")]
+    /// Family of robots with drawn parameters, such as `ant-family`, or the path of a URDF whose TOML has `[vary]`.
+    /// Each environment gets another robot, drawn by the seed [default: the task's robot]
+    #[arg(long, value_name = "FAMILY")]
     pub family: Option<String>,
-    /// Where `neural` or `articulated` is computed [default: cpu]
+    /// Device of `neural` or `articulated`: cpu, cuda (NVIDIA GPU) or cuda-f32 (NVIDIA GPU with f32 matrix products)
+    /// [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
 }
 
 impl ArenaArgs {
-    /// The arena of a task; options of the learned solver are refused for another one.
+    /// The arena of a task; refuses options of the learned solver with other solvers.
     pub fn of(self, task: &str) -> Result<Arena> {
-        let device = self.device.unwrap_or_default();
-        unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
-        if let Some(family) = self.family {
-            let truth = match self.solver {
-                SolverName::Articulated => Truth::Articulated,
-                SolverName::Rapier => Truth::Rapier,
-                SolverName::Neural => {
-                    bail!("--family: robots that differ are stepped by `articulated` or `rapier`; leave --solver neural out")
+        let mut spec = self.solver;
+        match &mut spec {
+            SolverSpec::Neural(own) => {
+                if own.folder.is_some() && self.model.is_some() {
+                    bail!("--model: --solver names a folder, too; leave one out");
                 }
-            };
-            return Ok(Arena::family(task, &family, truth, device)?);
+                own.folder = self.model.or(own.folder.take());
+            }
+            _ => unused(&[("--model", self.model.is_some())], "without --solver neural")?,
+        }
+        if let Some(device) = self.device {
+            if device.is_cuda() && matches!(spec, SolverSpec::Rapier(_)) {
+                bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated");
+            }
+            if spec.device() != Device::Cpu && spec.device() != device {
+                bail!("--device {device}: --solver says {}; leave one out", spec.device());
+            }
+            spec = spec.on(device);
+        }
+        if let Some(family) = self.family {
+            if matches!(spec, SolverSpec::Neural(_)) {
+                bail!("--family: robots that differ are stepped by `articulated` or `rapier`; leave --solver neural out");
+            }
+            return Ok(Arena::family(task, &family, spec)?);
         }
         let robot = nerd_tasks::named(task)?;
         if robot.system()?.spec.vary.is_some() {
             tell!("note: [vary] of `{0}` is not used here: --family {0} draws a robot for each environment", robot.robot());
         }
-        match (self.solver, self.model) {
-            (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
-            (SolverName::Neural, None) => learned(task, device),
-            (SolverName::Articulated, _) => truth_on(device),
-            (SolverName::Rapier, _) if device.is_cuda() => {
-                bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated")
-            }
-            (SolverName::Rapier, _) => Ok(Arena::Truth(Truth::Rapier)),
-        }
+        Ok(Arena::of(spec, &*robot)?)
     }
 }

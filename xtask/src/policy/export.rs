@@ -1,4 +1,4 @@
-//! `cargo xtask policy export`: a policy for other simulators and robots.
+//! `cargo xtask policy export`: a policy as ONNX and contract, for other simulators and robots.
 
 use nerd_train::ppo::folder;
 
@@ -9,7 +9,7 @@ pub struct ExportArgs {
     /// Folder of the policy
     #[arg(long)]
     pub policy: PathBuf,
-    /// ONNX file to write; the contract is beside it, with the ending json
+    /// ONNX file to write. The contract is written beside it, with the extension json
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
 }

@@ -1,4 +1,5 @@
-//! `cargo xtask policy train|evaluate|show|export|carry`: policies trained on any solver, played on any other, carried elsewhere.
+//! `cargo xtask policy train|evaluate|show|export|sim-to-sim`: trains policies on one solver, plays them on any, and exports
+//! them.
 
 use nerd_lab::experiments::{carried::Carried, policies::Policies};
 use nerd_lab::report::{Table, or_dash};
@@ -24,16 +25,16 @@ pub struct PolicyArgs {
 pub enum PolicyVerb {
     /// Train a policy by PPO or SHAC, or continue a run
     Train(Box<TrainArgs>),
-    /// Play a policy in the truth and in the learned simulator
+    /// Run policies in the truth and in the learned simulator, and compare their rewards
     #[command(mut_arg("out", written))]
     Evaluate(Conduct<Policies>),
-    /// Write one episode as a page that any browser plays
+    /// Write one episode as an HTML page that any browser replays
     Show(ShowArgs),
-    /// Write a policy as ONNX, and beside it a contract that says what its numbers are
+    /// Write a policy as ONNX, with a contract that describes its inputs and outputs
     Export(ExportArgs),
-    /// Play policies in MuJoCo by their ONNX and contract alone, beside the truth
+    /// Run policies in MuJoCo by their ONNX and contract alone, beside the truth
     #[command(mut_arg("out", written))]
-    Carry(Conduct<Carried>),
+    SimToSim(Conduct<Carried>),
 }
 
 fn written(out: clap::Arg) -> clap::Arg {
@@ -42,42 +43,45 @@ fn written(out: clap::Arg) -> clap::Arg {
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip,
-    /// ant-point; with --robot walk, rough, stand or reach; or the path of a task's file (docs/tasks.md)
+    /// Task: a name from `list tasks`, or the path of a task file (docs/tasks.md). The tasks walk, rough, stand and
+    /// reach need --robot
     pub task: String,
-    /// Robot of a task from a file: built in, or the path of a .urdf or MJCF (.xml)
+    /// Robot of a task for any robot: a name from `list robots`, or a path (.urdf, MJCF .xml, cable .toml)
     #[arg(long)]
     pub robot: Option<String>,
     #[command(flatten)]
     pub arena: ArenaArgs,
-    /// Learn from samples (ppo), or from slopes (shac), which articulated and models of single frames have
+    /// Algorithm: ppo learns from samples, shac from gradients of the simulator. Gradients exist for articulated and
+    /// for models of single frames
     #[arg(long, value_parser = word::<Algorithm>(Algorithm::WORDS), default_value = "ppo", conflicts_with = "config")]
     pub algorithm: Algorithm,
-    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small on the CPU in a learned simulator and for tasks for any robot]
+    /// Settings of PPO: `paper`, or `small` for expensive steps [default: paper; on the CPU small with `neural`, with
+    /// --robot and for task files]
     #[arg(long, value_parser = ["paper", "small"])]
     pub recipe: Option<String>,
-    /// TOML with all settings, `algorithm` too, instead of a recipe (see nerd-train/assets/ppo)
+    /// TOML file with all settings, `algorithm` included, in place of --recipe (examples: nerd-train/assets/ppo)
     #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
-    /// Environments, instead of the settings'
+    /// Number of environments [default: as in the settings]
     #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 20)))]
     pub envs: Option<usize>,
-    /// Steps of an environment in one iteration, instead of the settings'
+    /// Steps of each environment in an iteration [default: as in the settings]
     #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 16)))]
     pub horizon: Option<usize>,
-    /// Iterations of the whole run, instead of the settings'
+    /// Iterations of the whole run [default: as in the settings]
     #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000_000)))]
     pub iterations: Option<u64>,
-    /// Steps in a minibatch, instead of the settings', or all of an iteration that --envs or --horizon makes smaller
+    /// Steps in a minibatch, at most those of an iteration [default: as in the settings]
     #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 31)))]
     pub minibatch: Option<usize>,
-    /// Stop with a checkpoint after this many minutes; the same command continues
+    /// Minutes after which training stops with a checkpoint; the same command continues [default: no limit]
     #[arg(long, value_parser = value::<f64>(Positive(MINUTES)))]
     pub minutes: Option<f64>,
-    /// Seed of weights, noise and starts
+    /// Seed of initial weights, action noise and starts
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// Folder of the run [default: out/policies/TASK-SOLVER-SEED]
+    /// Folder of the run; the same command continues the run [default: out/policies/TASK-SOLVER-SEED, with
+    /// --family out/policies/TASK-FAMILY-SOLVER-SEED]
     #[arg(long)]
     pub out: Option<PathBuf>,
 }
@@ -92,7 +96,7 @@ pub struct ShowArgs {
     /// Seed of the start
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// Commands of the task, such as ahead=0.5,turn=0; the seed draws those that are not named
+    /// Commands of the task, such as vx=0.5,yaw_rate=0. The seed draws those that are not named
     #[arg(long, value_name = "NAME=NUMBER,...", allow_hyphen_values = true)]
     pub command: Option<String>,
     /// HTML file to write
@@ -106,7 +110,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
         PolicyVerb::Evaluate(args) => args.try_out(),
         PolicyVerb::Show(args) => show(args),
         PolicyVerb::Export(args) => args.run(),
-        PolicyVerb::Carry(args) => args.try_out(),
+        PolicyVerb::SimToSim(args) => args.try_out(),
     }
 }
 
@@ -114,12 +118,12 @@ fn train(args: TrainArgs) -> Result<()> {
     let TrainArgs { task, robot, seed, minutes, .. } = args;
     let task = robot.map_or(task.clone(), |robot| format!("{task}@{robot}"));
     let arena = args.arena.of(&task)?;
-    let slopes = args.algorithm == Algorithm::Shac;
-    if slopes {
+    let gradients = args.algorithm == Algorithm::Shac;
+    if gradients {
         unused(&[("--recipe", args.recipe.is_some())], "with --algorithm shac, which has one for each task")?;
     }
     let mut config =
-        if slopes { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
+        if gradients { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
     let most = args.envs.or(args.horizon).map_or(usize::MAX, |_| config.steps());

@@ -1,4 +1,4 @@
-//! A real browser, asked over its debugging pipe.
+//! A real browser, driven over its debugging pipe.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Write};
@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use crate::Folder;
 
 const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chrome"];
-/// Longest that a browser may be silent; a machine may be busy.
+/// Longest silence of a browser; a machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 pub struct Browser {
@@ -69,7 +69,7 @@ impl Browser {
         }
     }
 
-    /// What a line of JavaScript gives in the page; promises are waited for.
+    /// The value of a line of JavaScript in the page; promises are awaited.
     pub fn run(&mut self, line: &str) -> Value {
         let mut answer = self.call("Runtime.evaluate", json!({ "expression": line, "awaitPromise": true, "returnByValue": true }));
         assert!(answer["exceptionDetails"].is_null(), "{line}: {answer}");
@@ -84,7 +84,7 @@ impl Browser {
         }
     }
 
-    /// The mouse at a place of the page, its left button: `mousePressed`, `mouseMoved` or `mouseReleased`.
+    /// Moves the mouse to a place of the page, with its left button: `mousePressed`, `mouseMoved` or `mouseReleased`.
     pub fn mouse(&mut self, what: &str, [x, y]: [f64; 2]) {
         self.call("Input.dispatchMouseEvent", json!({ "type": what, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 }));
     }

@@ -1,16 +1,16 @@
-//! The live page in a real browser: what is seen, dragged and swapped there is what the solvers say.
+//! The live page in a real browser: display, drags and swaps agree with the solvers.
 
 use std::sync::Arc;
 
 use nerd_lab::live::{Act, Ask, Live, Shown, World};
-use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
+use nerd_train::spec::SolverSpec;
 use serde_json::Value;
 
 use crate::browser::Browser;
 
-/// Seed of its start, which is `evaluate`'s first.
+/// Seed of the start, which is `evaluate`'s first.
 const SEED: u64 = 500;
 
 fn ground() -> (Arc<System>, Arc<Scene>) {
@@ -25,13 +25,13 @@ fn ant() -> World {
     let mut batch = Batch::new(&system, &scene, 1);
     batch.reset(0, &start(&system, Start::Reset, &mut stream(SEED, 0)));
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let settings = vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)];
+    let settings = vec![SolverSpec::default(), SolverSpec::implicit(1), SolverSpec::rapier(4)];
     let mut world = World::new("ant", Act::Alone(simulation), settings).expect("a solver");
     world.answer(Ask::Hold(false));
     world
 }
 
-/// Steps once, by the page's own button, and waits for the picture of it.
+/// Steps once, by the page's own button, and waits for the picture.
 fn step(browser: &mut Browser) {
     browser.run("(async () => { const { frame } = await now(); by('step').click(); while ((await now()).frame === frame); })()");
 }
@@ -42,10 +42,10 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     let Some(mut browser) = Browser::open(&live.address(), [1200, 800]) else { return };
     browser.until("document.getElementById('seen')?.dataset.painted > 5");
     browser.run("by = id => document.getElementById(id); now = async () => (await fetch('/state')).json(); 0");
-    // All that the page asks from here on.
+    // Records every request of the page from here on.
     browser.run("asked = []; own = fetch; fetch = (url, what) => { if (what) asked.push(what.body); return own(url, what); }; 0");
 
-    // It moves in real time.
+    // The page moves in real time.
     let pixels = "by('seen').getContext('2d').getImageData(0, 0, by('seen').width, by('seen').height).data.join()";
     browser.run(&format!("before = {pixels}; 0"));
     browser.run("by('reset').click()");
@@ -63,7 +63,7 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     );
     assert!(rate > 0.0, "it is not painted");
 
-    // From the start on: a drag by the mouse moves the robot as the same drag does in a world of this test's own.
+    // A drag by the mouse from the start moves the robot as the same drag in this test's world does.
     browser.run("by('pause').click()");
     browser.until("by('pause').textContent === 'Play'");
     browser.run("asked.length = 0; by('reset').click()");
@@ -78,7 +78,7 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     let before = browser.run("now()");
     // A swap in motion.
     browser.run("by('solver').value = 1; by('solver').onchange({ target: by('solver') })");
-    browser.until("by('figures').textContent.includes('implicit')");
+    browser.until("by('figures').textContent.includes('substeps=1')");
     let after = browser.run("now()");
     assert_eq!(before["tracks"], after["tracks"], "a swap moves the robot");
     step(&mut browser);
@@ -108,8 +108,8 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     };
     let mean = (0..frames).map(|_| apart(&mut browser)).sum::<f64>() / frames as f64;
     let ((system, scene), config) = (ground(), PassiveConfig { starts: 1, steps: frames, seed: SEED, action: Action::Limp });
-    let solver = |setting: Setting| setting.solver(&system).expect("a solver");
-    let report = passive(&system, &scene, &mut *solver(Setting::Accurate), &mut *solver(Setting::Implicit(1)), config, &mut |_| {});
+    let solver = |spec: SolverSpec| spec.solver(&system, 1).expect("a solver");
+    let report = passive(&system, &scene, &mut *solver(SolverSpec::default()), &mut *solver(SolverSpec::implicit(1)), config, &mut |_| {});
     let error = report.expect("a rollout").error;
     let error = error.iter().sum::<f64>() / error.len() as f64;
     println!("mean distance over {frames} frames: {mean:e} on the page, {error:e} by `evaluate`");

@@ -1,4 +1,4 @@
-//! What the program and the repository say of themselves: lists, JSON, results, documents.
+//! Statements of the program and the repository about themselves: lists, JSON, results, documents.
 
 use std::path::{Path, PathBuf};
 
@@ -35,7 +35,7 @@ fn every_result_holds_and_every_document_says_what_it_says() {
     done("results check", &[]);
 }
 
-/// A workspace of its own, with this one's results and one document.
+/// A separate workspace with this one's results and one document.
 #[test]
 fn a_changed_digit_is_found_and_mended() {
     let folder = Folder::new();
@@ -67,7 +67,7 @@ fn every_key_of_a_robots_file_is_explained() {
     let keys: Vec<&str> = keys.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c == '_')).collect();
     assert!(keys.len() > 40, "only {} keys found: has the file's form changed?", keys.len());
     for key in keys {
-        // Lists of tables are named by one of them.
+        // A list of tables is documented under its singular.
         let key = match key {
             "joints" | "contacts" | "scenes" | "pegs" => key.trim_end_matches('s'),
             "boxes" => "box",
@@ -78,7 +78,7 @@ fn every_key_of_a_robots_file_is_explained() {
     }
 }
 
-/// Files of an ending in a folder and below it, less what is built.
+/// Files with an ending in a folder and below, without build output.
 fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for path in std::fs::read_dir(folder).expect("a folder").flatten().map(|entry| entry.path()) {
@@ -102,7 +102,7 @@ fn no_file_of_code_is_longer_than_400_lines() {
     }
 }
 
-/// Lines with something on them, without their indentation, as one text; documents leave `fn main` out.
+/// Lines that are not blank, without indentation, as one text; `fn main` is left out, as in documents.
 fn plain(code: &str) -> String {
     let lines = code.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("fn main"));
     lines.fold(String::from("\n"), |all, line| all + line + "\n")

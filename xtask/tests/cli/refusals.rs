@@ -1,12 +1,12 @@
-//! Bad input ends with exit code 2, one line that names the culprit, and no file.
+//! Bad input ends with exit code 1 or 2, one line that names the culprit, and no file.
 
 use crate::{Folder, command, refused};
 
-/// Lines and the culprits that their refusals name, after `=>`; OUT is where nothing may be left.
+/// Command lines, and after `=>` the culprit that the refusal names; OUT is a place where no file may be left.
 const LINES: &str = include_str!("refusals.txt");
 
 #[test]
-fn bad_input_gets_one_line_exit_code_2_and_no_file() {
+fn bad_input_gets_one_line_and_no_file() {
     let folder = Folder::new();
     let header = "traj,step,q1,q2,qd1,qd2\n";
     for (name, rows) in [
@@ -34,6 +34,34 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
     }
 }
 
+/// 2 where the command line cannot be read, 1 where what it asks for fails.
+#[test]
+fn wrong_usage_and_failures_have_codes_of_their_own() {
+    for (line, code) in [
+        ("list nothing", 2),
+        ("rollout --nonsense", 2),
+        ("evaluate --robot aunt", 1),
+        ("inspect --robot aunt", 1),
+        ("calibrate --solver magic", 2),
+    ] {
+        let run = command(line, &[]).output().expect("xtask starts");
+        assert_eq!(run.status.code(), Some(code), "{line}: {}", String::from_utf8_lossy(&run.stderr));
+    }
+}
+
+/// A success, a usage error and a failure with old names each have one line that names the new ones.
+#[test]
+fn old_names_are_read_with_one_line_that_names_the_new_ones() {
+    let line = "evaluate --robot cartpole --frames 5 --solver articulated(settled)";
+    let [(old, told), (new, quiet)] = ["--starts", "--trajectories"].map(|count| crate::done(&format!("{line} {count} 2"), &[]));
+    assert_eq!(old, new);
+    let notes = |text: &str| text.lines().filter(|line| line.starts_with("note: `--")).map(String::from).collect::<Vec<_>>();
+    assert_eq!(notes(&told), ["note: `--starts` is `--trajectories`; old names are read for one version"]);
+    assert!(notes(&quiet).is_empty() && quiet.contains("as `articulated accurate` to the bit"), "{quiet}");
+    refused("policy evaluate --games 0", &[], "`--games` is `--episodes`");
+    refused("evaluate --robot aunt --starts 2", &[], "`--starts` is `--trajectories`");
+}
+
 #[test]
 fn asked_for_nothing_it_lists_its_verbs() {
     for (line, verbs) in [("", ["dataset", "rollout", "check"]), ("policy", ["train", "evaluate", "show"])] {
@@ -44,21 +72,21 @@ fn asked_for_nothing_it_lists_its_verbs() {
     }
 }
 
-/// Whatever the verb and the option: at the start, before anything is measured or written.
+/// For every verb and option, before anything is measured or written.
 #[cfg(unix)]
 #[test]
 fn paths_that_are_not_utf8_are_refused_at_the_start() {
     use std::os::unix::ffi::OsStrExt;
     let folder = Folder::new();
     let odd = folder.0.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
-    let lines = "policy train cartpole-swingup --iterations 1 --out\npolicy train\npolicy train cartpole-swingup --config\nurdf\nevaluate --robot \
+    let lines = "policy train cartpole-swingup --iterations 1 --out\npolicy train\npolicy train cartpole-swingup --config\ncheck-robots\nevaluate --robot \
                  pendulum --out\nchart --out\nreproduce --out\nrollout --robot pendulum --states\ndataset --robot pendulum --out\ntrain\ntrain \
                  --recipe small --from\ninspect --robot\nlive --policy\nlist robots --model\nreport --out";
     for line in lines.lines() {
         refused(line, &[&odd], "is not UTF-8");
     }
     assert!(!odd.exists());
-    // Nor does a folder of such a name in which the program runs bring it down.
+    // The program also runs inside a folder of such a name.
     std::fs::create_dir(&odd).expect("a folder");
     let mut command = command("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run", &[]);
     let run = command.current_dir(&odd).output().expect("xtask starts");
@@ -66,7 +94,8 @@ fn paths_that_are_not_utf8_are_refused_at_the_start() {
     assert!(odd.join("run/policy/policy.safetensors").exists());
 }
 
-/// Whatever a verb would write: what is there under that name and is not its own stays, byte by byte; what is its own is made again.
+/// For every verb that writes: a file of that name which the program did not write stays, byte by byte. The program's
+/// own files are written again.
 #[test]
 fn files_of_a_users_own_are_not_replaced() {
     const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 \
@@ -82,10 +111,10 @@ fn files_of_a_users_own_are_not_replaced() {
         (POLICY, "metrics.jsonl run.json sessions.jsonl last.safetensors policy/README.md policy/policy.safetensors policy/task.toml"),
         ("dataset --robot pendulum --transitions 40 --frames 4 --out", "manifest.json shard-00000.safetensors"),
         (
-            "evaluate --robot pendulum --solver rapier --starts 1 --frames 3 --out",
+            "evaluate --robot pendulum --solver rapier --trajectories 1 --frames 3 --out",
             "passive/README.md passive/result.json passive/notes.txt",
         ),
-        ("urdf nerd-core/assets/arm.urdf --out", "urdfs/README.md urdfs/result.json"),
+        ("check-robots nerd-core/assets/arm.urdf --out", "urdfs/README.md urdfs/result.json"),
         (&rollout, "r.csv states.csv"),
         (&format!("policy show --policy {policy} --out"), "show.html"),
         (&format!("policy export --policy {policy} --out"), "p.onnx p.json"),

@@ -13,7 +13,7 @@ fn the_page_opens_without_an_error_and_its_replays_move() {
     }
     let replays = html.matches("class=motion").count();
     assert_eq!(replays, 14, "a replay for each of six robots and eight tasks");
-    // A window that shows all of it.
+    // A window that shows the whole page.
     let Some(mut browser) = Browser::open(&format!("file://{}", page.display()), [1400, 30_000]) else { return };
     browser.until("document.readyState === 'complete'");
     let error = browser.run("document.querySelector('[data-error]')?.dataset.error");

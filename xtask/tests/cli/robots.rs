@@ -1,15 +1,15 @@
-//! Robots of one's own, cables, and rapier as a truth, through the verbs.
+//! User robots, cables, and rapier as the truth, through the verbs.
 
 use crate::{Folder, done, json, refused, root, text};
 
 const LEAD: &str = "nerd-sim/assets/cables/lead.toml";
 
-/// What stands in a specification beside its comments.
+/// Lines of a specification without comments.
 fn keys(text: &str) -> Vec<String> {
     text.lines().filter(|line| !line.starts_with('#')).map(String::from).collect()
 }
 
-/// Its specification as TOML, which may stand beside its file.
+/// The printed specification is a TOML that may be placed beside the robot's file.
 #[test]
 fn a_robot_alone_is_shown_as_toml() {
     let folder = Folder::new();
@@ -22,7 +22,7 @@ fn a_robot_alone_is_shown_as_toml() {
     assert!(first.contains("free base") && first.contains("floating = true"), "{first}");
     folder.write("brick.toml", &first);
     assert_eq!(keys(&first), keys(&done("inspect --robot", &[&brick]).0));
-    // Of a cable it is what stands beside its section.
+    // For a cable the printed keys are those outside `[cable]`.
     let printed = done(&format!("inspect --robot {LEAD}"), &[]).0;
     let lead = text(root().join(LEAD));
     let section = lead[lead.find("[cable]").expect("its section")..].split("\n\n").next().expect("itself");
@@ -46,11 +46,11 @@ fn a_model_of_rapier_is_measured_against_rapier_alone() {
     refused(&train("articulated"), &[&folder.path("other")], NAME);
     done(&train("rapier"), &[&out]);
     let model = format!("--model {}", out.join("model").display());
-    let evaluate = format!("evaluate --robot pendulum --scene ground1 --starts 2 --frames 5 --solver neural {model}");
+    let evaluate = format!("evaluate --robot pendulum --scene ground1 --trajectories 2 --frames 5 --solver neural {model}");
     done(&format!("{evaluate} --out"), &[&table]);
     let row = &json(table.join("passive/result.json"))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
     refused(&format!("{evaluate} --truth articulated"), &[], "`rapier 4 steps 4 iterations, own axes`, not `articulated accurate`");
-    done(&format!("chart --robot pendulum --scene ground1 --starts 1 --frames 2 --substeps 1 {model} --out"), &[&charts]);
+    done(&format!("chart --robot pendulum --scene ground1 --trajectories 1 --frames 2 --max-substeps 1 {model} --out"), &[&charts]);
     assert!(charts.join("chart-pendulum-ground1/figure.svg").exists(), "no chart");
 }

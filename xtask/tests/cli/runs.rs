@@ -1,16 +1,16 @@
-//! Runs of seconds: what they leave, how they are stopped, continued and refused to others.
+//! Runs of seconds: files that they leave; how they are stopped, continued and refused.
 
 use std::process::{Child, Stdio};
 use std::{path::Path, time::Duration};
 
 use crate::{Folder, bytes, command, done, json, refused, root, text};
 
-/// A model of seconds; its folder follows.
+/// Trains a model in seconds; its folder follows.
 const TRAIN: &str =
     "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
 const POLICY: &str = "policy train cartpole-swingup --envs 8 --horizon 16 --minibatch 64 --seed 3";
 
-/// Starts a run, waits until it has gone so far, and kills it.
+/// Starts a run, waits until `far` holds, and kills the run.
 fn killed(line: &str, out: &Path, far: impl Fn() -> bool) {
     let mut child: Child = command(line, &[out]).stderr(Stdio::null()).stdout(Stdio::null()).spawn().expect("started");
     while !far() {
@@ -31,11 +31,11 @@ fn a_model_is_trained_called_again_used_and_refused_to_others() {
     done(TRAIN, &[&out]);
     assert!(first == weights(), "a finished run that is called again changes nothing");
     refused(&TRAIN.replace("cartpole", "pendulum"), &[&out], "cartpole");
-    for (option, was) in [("--rate 0.002", "0.001"), ("--hold 2", "`hold` was 1"), ("--frames 50", "`frames` was 100")] {
+    for (option, was) in [("--learning-rate 0.002", "0.001"), ("--hold 2", "`hold` was 1"), ("--frames 50", "`frames` was 100")] {
         refused(&TRAIN.replace("--out", &format!("{option} --out")), &[&out], was);
     }
     let model = out.join("model");
-    let evaluate = format!("evaluate --solver neural --starts 2 --frames 5 --model {}", model.display());
+    let evaluate = format!("evaluate --solver neural --trajectories 2 --frames 5 --model {}", model.display());
     done(&format!("{evaluate} --robot cartpole --out"), &[&table]);
     let json = json(table.join("passive/result.json"));
     for field in ["commit", "command", "machine", "seed", "date"] {
@@ -58,7 +58,7 @@ fn a_killed_run_is_finished_and_what_is_damaged_is_named() {
     let metrics = out.join("metrics.jsonl");
     let long = TRAIN.replace("--updates 6", "--updates 1000000");
     killed(&long, &out, || std::fs::read_to_string(&metrics).is_ok_and(|lines| lines.matches("validation").count() > 1));
-    // A line cut short: its minutes are missing, the model is not.
+    // With a line cut short, minutes are missing, but the model is not.
     let sessions = out.join("sessions.jsonl");
     let cut = std::fs::read_to_string(&sessions).unwrap_or_default() + "{\"first\": 6, \"la";
     std::fs::write(&sessions, cut).expect("written");
@@ -101,7 +101,7 @@ fn a_policy_is_trained_continued_played_and_shown() {
     assert!(["commit", "command", "machine", "seed"].iter().all(|word| card.contains(word)), "{card}");
     refused("policy train cartpole-swingup --solver rapier --out", &[&whole], "another --out");
     let policy = whole.join("policy");
-    done(&format!("policy evaluate --games 3 --truth-only --policy {} --out", policy.display()), &[&table]);
+    done(&format!("policy evaluate --episodes 3 --truth-only --policy {} --out", policy.display()), &[&table]);
     let json = json(table.join("policy/result.json"));
     assert!(json["provenance"]["commit"].is_string() && json["rows"][0]["real"]["mean"].as_f64().is_some(), "{json}");
     done(&format!("policy show --policy {} --out", policy.display()), &[&page]);
@@ -115,10 +115,10 @@ fn a_policy_is_trained_continued_played_and_shown() {
     done(&train, &[&walker]);
     refused("policy evaluate --policy", &[&walker.join("policy")], "models/crawler: there is no model: train one");
     let show = format!("policy show --policy {} --command", walker.join("policy").display());
-    done(&format!("{show} ahead=0.50,turn=-0.25,aside=0 --out"), &[&page]);
+    done(&format!("{show} vx=0.50,yaw_rate=-0.25,vy=0 --out"), &[&page]);
     let html = text(&page);
-    assert!(html.contains("walk-crawler in articulated accurate, ahead 0.5, aside 0, turn -0.25"), "{}", &html[..html.len().min(400)]);
-    refused(&format!("{show} speed=1 --out"), &[&page], "choose from ahead, aside, turn");
+    assert!(html.contains("walk-crawler in articulated, vx 0.5, vy 0, yaw_rate -0.25"), "{}", &html[..html.len().min(400)]);
+    refused(&format!("{show} speed=1 --out"), &[&page], "choose from vx, vy, yaw_rate");
     // The weights of the policy under another task's name.
     let config = text(policy.join("config.json"));
     std::fs::write(policy.join("config.json"), config.replace("cartpole-swingup", "ant-run")).expect("written");
@@ -142,7 +142,7 @@ fn a_data_set_has_one_writer_at_a_time() {
     done(small, &[&out]);
 }
 
-/// In a long run of a policy and of a model, and in what keeps no checkpoint.
+/// In a long run of a policy and of a model.
 #[cfg(unix)]
 #[test]
 fn a_signal_ends_a_run_with_a_checkpoint_a_policy_and_its_own_code() {
@@ -157,7 +157,7 @@ fn a_signal_ends_a_run_with_a_checkpoint_a_policy_and_its_own_code() {
     ] {
         let folder = Folder::new();
         let out = folder.path("run");
-        // It goes on from its own checkpoint.
+        // The second run continues from the first one's checkpoint.
         for _ in 0..2 {
             let seen = text_or_none(&out.join("metrics.jsonl"));
             let mut run =
@@ -187,7 +187,7 @@ fn text_or_none(path: &Path) -> String {
     std::fs::read_to_string(path).unwrap_or_default()
 }
 
-/// Of a step that has a thousand frames, and of data that takes hours to record.
+/// With a step of a thousand frames, and with data that takes hours to record.
 #[test]
 fn minutes_are_obeyed_while_anything_long_runs() {
     let folder = Folder::new();
@@ -206,8 +206,8 @@ fn minutes_are_obeyed_while_anything_long_runs() {
     assert!(!folder.path("b").exists() && !folder.path("c").exists());
 }
 
-/// As few threads as memory has room for stacks of: a line says so, and one does the work. Of large stacks the last one that does not fit leaves room for
-/// all else.
+/// Memory has room for the stacks of few threads: a line says so, and one thread does the work. Stacks are large, so
+/// that the last one that does not fit leaves room for everything else.
 #[cfg(target_os = "linux")]
 #[test]
 fn threads_that_cannot_be_had_are_a_line() {

@@ -1,4 +1,5 @@
-//! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
+//! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory
+//! ([`nerd_sim::calibrate`]).
 
 mod models;
 mod runs;
@@ -13,49 +14,55 @@ use nerd_sim::log::{Log, Published, specified, tables};
 pub use runs::{Judged, Runs};
 use split::{Parts, Scored, Split};
 
-/// Places of a profile, and rollouts behind each.
+/// Values along each parameter's profile, and rollouts behind each value.
 const PLACES: usize = 9;
 const BEHIND: usize = 200;
 
 settings! {
-    /// Analytic solvers calibrated to measured trajectories.
+    /// Settings: analytic solvers calibrated to measured trajectories.
     pub struct Calibration {
-        /// TOML that describes the measurements; see `nerd_sim::log`. With --own several, comma-separated, each calibrated for itself
-        /// [default: nerd-sim/assets/logs/cube.log.toml]
+        /// TOML of a log, which describes the measurements (`nerd_sim::log`). With --per-trajectory: several,
+        /// comma-separated, each calibrated separately [default: nerd-sim/assets/logs/cube.log.toml]
         log: Vec<PathBuf> = vec!["nerd-sim/assets/logs/cube.log.toml".into()], Texts;
-        /// Their table, or a folder of tables [default: what the TOML names]
+        /// Table of measurements, or a folder of tables [default: the file named in the TOML]
         data: Option<PathBuf> = None, Text;
-        /// Name of the result [default: calibrate- and the TOML's first word]
+        /// Name of the result [default: calibrate- and the TOML's file name up to its first dot]
         name: String = String::new(), Text;
-        /// Solvers, comma-separated: articulated, fitted by slopes if its robot has them, and rapier, fitted by a search
-        solvers: Vec<String> = vec!["articulated".into(), "rapier".into()], Texts;
-        /// Substeps of `articulated` (the implicit step)
+        /// Solvers to calibrate, comma-separated: articulated (fitted by gradients where the robot has them) or rapier
+        /// (fitted by a search) [default: articulated,rapier]
+        solver: Vec<String> = vec!["articulated".into(), "rapier".into()], Read(readable);
+        /// Substeps per frame of `articulated`, which takes implicit steps
         substeps: usize = 4, Whole(1..=1024);
-        /// Parameters, comma-separated [default: all that free motion may determine]
+        /// Parameters to fit, comma-separated [default: all that the log's motion can determine]
         parameters: Vec<String> = Vec::new(), Texts;
-        /// Parameters that each trajectory has for itself, comma-separated, such as zeros of sensors that were set by hand. They are fitted
-        /// together with the others; for a judged trajectory, to its frames --before. Every trajectory is then judged once, by the other
-        /// folds: those of the log, or as many as there are --splits; over half as many, as many and twice as many frames as --frames
-        own: Vec<String> = Vec::new(), Texts;
-        /// With --own: parameters, comma-separated, that a trajectory may have for itself near what all share, or, if they are none of
-        /// --parameters, near the robot as described. How near is chosen within the folds that were learned from
-        held: Vec<String> = Vec::new(), Texts;
-        /// With --own: frames of each trajectory before its first judged rollout
-        before: usize = 0, Whole(0..=*FRAMES.end());
-        /// Folders of models of the robot, or of a family of its kind, comma-separated. They are judged too, once shown the frames before
-        /// each rollout and once shown none. Those that learned from the log are judged on what they held out
-        models: Vec<PathBuf> = Vec::new(), Texts;
-        /// Random splits by trajectory: fitted to one part, judged on half of the rest (the paper: 400 and 85 of 570)
+        /// Parameters fitted to each trajectory separately, comma-separated, such as sensor zeros set by hand. In a
+        /// test trajectory, its first --context-frames frames determine them. The other parameters are fitted to the
+        /// other folds. The log may name the folds; else there are --splits folds. Every trajectory is tested once, in
+        /// rollouts of half, once and twice --frames
+        per_trajectory: Vec<String> = Vec::new(), Texts;
+        /// With --per-trajectory: further parameters fitted to each trajectory, comma-separated, with a penalty on
+        /// leaving the shared value. Outside --parameters, the penalty is on leaving the described value. Its weight is chosen
+        /// within the training folds
+        regularized: Vec<String> = Vec::new(), Texts;
+        /// With --per-trajectory: first frames of a trajectory, to which its own parameters are fitted. Test
+        /// rollouts start after them
+        context_frames: usize = 0, Whole(0..=*FRAMES.end());
+        /// Folders of models, comma-separated, of the log's robot or of a family that varies its parameters. Each is
+        /// tested with the frames before a rollout as history, and without. A model trained on the log is tested on its
+        /// held-out trajectories [default: none]
+        model: Vec<PathBuf> = Vec::new(), Texts;
+        /// Number of random splits by trajectory. Each fits to 68 % and tests on half of the rest (the paper: 400 and
+        /// 85 of 570)
         splits: usize = 5, Whole(1..=100);
         /// Frames of a rollout
         frames: usize = 80, Whole(2..=*FRAMES.end());
         /// Frames between the starts of rollouts
         every: usize = 4, Whole(FRAMES);
-        /// Evaluations of the objective, for each split and solver
+        /// Evaluations of the objective for each split and solver
         evaluations: usize = 1000, Whole(40..=1_000_000);
-        /// Rollouts in an evaluation
-        trials: usize = 500, Whole(STARTS);
-        /// Seed of splits and search
+        /// Largest number of rollouts in an evaluation of the objective
+        rollouts: usize = 500, Whole(STARTS);
+        /// Seed of the splits and of the search
         seed: u64 = 0, Whole(SEEDS);
     }
 }
@@ -63,12 +70,12 @@ settings! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibrated {
     pub solver: String,
-    /// What it was fitted by: slopes, or a search.
+    /// Fitting method: gradients ("slopes") or a search.
     pub by: String,
-    /// Names of its parameters, with bounds around the nominal value, and units.
+    /// Parameters: name, `[lower bound, nominal, upper bound]`, unit.
     pub parameters: Vec<(String, [f64; 3], String)>,
     pub splits: Vec<Split>,
-    /// The objective along each parameter of the first split: values, and the objective there.
+    /// Objective along each parameter of the first split: `[value, objective]`.
     pub profiles: Vec<Vec<[f64; 2]>>,
 }
 
@@ -78,9 +85,9 @@ pub struct CalibratedAll {
     pub settings: Calibration,
     pub robot: String,
     pub notes: Vec<String>,
-    /// Trajectories, and rollouts cut from them.
+    /// Numbers of trajectories, and of rollouts cut from them.
     pub sizes: [usize; 2],
-    /// Predicting that nothing moves, on the judged part of every split.
+    /// Error of the predictor that nothing moves, on the test part of every split.
     pub still: Vec<Scored>,
     #[serde(default)]
     pub published: Vec<Published>,
@@ -89,26 +96,41 @@ pub struct CalibratedAll {
     pub modelled: Vec<Modelled>,
 }
 
+/// Refuses a text that is no solver's.
+fn readable(solver: &str) -> std::result::Result<(), String> {
+    solver.parse::<SolverSpec>().map(drop).map_err(|error| error.to_string())
+}
+
+/// What is calibrated with a solver's settings.
+pub fn engine(spec: &SolverSpec, system: &System) -> Result<Engine> {
+    Ok(match spec {
+        SolverSpec::Rapier(own) => Engine::Rapier(own.config()),
+        own => Engine::Articulated(own.config(system).with_context(|| format!("--solver {spec}: choose from articulated, rapier"))?),
+    })
+}
+
 impl Calibration {
-    fn engine(&self, solver: &str) -> Result<Engine> {
-        match solver {
-            "articulated" => Ok(Engine::Articulated(ArticulatedConfig::implicit(self.substeps, Friction::Coulomb))),
-            "rapier" => Ok(Engine::Rapier(RapierConfig { steps: 1, ..Default::default() })),
-            other => bail!("--solvers {other}: choose from articulated, rapier"),
+    /// A solver by its text; `articulated` alone has --substeps.
+    fn spec(&self, solver: &str) -> Result<SolverSpec> {
+        let spec: SolverSpec = solver.parse()?;
+        let settled = matches!(spec, SolverSpec::Articulated(own) if own.settled);
+        if settled || spec.device() != Device::Cpu || spec.is_neural() {
+            bail!("--solver {spec}: choose from articulated and rapier on the CPU, without settled");
         }
+        Ok(if spec == SolverSpec::default() { SolverSpec::implicit(self.substeps) } else { spec })
     }
 
     fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
-        let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
+        let subject = Subject::new(&log.system, &log.scene, engine(&self.spec(solver)?, &log.system)?)?;
         let parameters: Vec<Parameter> = match &self.parameters[..] {
             [] => {
                 let driven = if log.driven() { Parameter::driven(&log.system)? } else { Vec::new() };
-                let all = Parameter::usual(&log.system, &log.scene, solver == "rapier")?.into_iter().chain(driven);
-                all.filter(|p| !self.own.contains(&p.name)).collect()
+                let all = Parameter::usual(&log.system, &log.scene, solver.starts_with("rapier"))?.into_iter().chain(driven);
+                all.filter(|p| !self.per_trajectory.contains(&p.name)).collect()
             }
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
-        // Missing capabilities are reported before any search.
+        // Reports missing capabilities before any search.
         if let Some(reason) = refusal(&mut *subject.engine.solver(), &subject.system, &subject.scene) {
             bail!(reason);
         }
@@ -125,13 +147,13 @@ impl Calibration {
                 bar.add(own.saturating_sub(before) as u64);
                 before = own;
             };
-            let (evaluations, trials, seed) = (self.evaluations, self.trials, self.seed + k);
-            let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: true }, Instant::now());
+            let (evaluations, trials, seed) = (self.evaluations, self.rollouts, self.seed + k);
+            let (config, begun) = (FitConfig { evaluations, trials, seed, gradients: true }, Instant::now());
             let fit = subject.fit(&parameters, &part.train, config, progress)?;
             let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
             Ok((part.split([&subject, &fitted], (&fit, seconds), seed)?, fit))
         };
-        // One after the other, so that the clock is each one's own; trials are rolled out on all cores.
+        // Splits run one after the other, so each wall time is its own; trials use all cores.
         let found = parts.iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
@@ -141,20 +163,20 @@ impl Calibration {
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
             bail!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
         }
-        let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
+        let solver = self.spec(solver)?.to_string();
         let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
-        let by = if own.slopes { "slopes" } else { "search" }.into();
+        let by = if own.gradients { "slopes" } else { "search" }.into();
         Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
     pub fn all(&self) -> Result<CalibratedAll> {
-        let [path] = &self.log[..] else { bail!("--log: without --own one log is fitted to, not {}", self.log.len()) };
+        let [path] = &self.log[..] else { bail!("--log: without --per-trajectory one log is fitted to, not {}", self.log.len()) };
         let log = Log::read(path, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
         bounds::once("--parameters", &self.parameters)?;
-        bounds::once("--solvers", &self.solvers)?;
-        self.solvers.iter().try_for_each(|solver| self.engine(solver).map(drop))?;
-        let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
+        bounds::once("--solver", &self.solver)?;
+        self.solver.iter().try_for_each(|solver| self.spec(solver).map(drop))?;
+        let ready = able(&self.solver, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
         let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, seed)).collect::<Result<_>>()?;
@@ -166,7 +188,7 @@ impl Calibration {
     }
 }
 
-/// What comes of the solvers that can; the others are left out with a line each, if there is one that can.
+/// Results of the solvers that succeed. The others are reported and left out; if all fail, the last error is returned.
 fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>) -> Result<Vec<T>> {
     let (mut found, mut last) = (Vec::new(), None);
     for solver in solvers.iter().map(AsRef::as_ref) {
@@ -184,7 +206,7 @@ fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>
     }
 }
 
-/// The first word of a file's name.
+/// A file's name up to the first dot.
 fn stem(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string()).unwrap_or_default()
 }
@@ -201,22 +223,25 @@ impl Experiment for Calibration {
             inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
         }
         inputs.0.insert(0, Input::files(&name, &files)?);
-        // Of every robot: what is hashed is how the solver steps.
-        for solver in &self.solvers {
-            let setting = if solver == "rapier" { Setting::RapierSteps(1) } else { Setting::Implicit(self.substeps) };
+        // Identifies the solver by its motion on one robot and scene, whatever the log's robot is.
+        for solver in &self.solver {
+            let setting = self.spec(solver)?;
             inputs.add(Input::motion("cube", "ground", &setting)?);
         }
-        for folder in &self.models {
+        for folder in &self.model {
             inputs.add(Input::model(folder)?);
         }
-        let effort = (self.splits * self.solvers.len() * self.evaluations * self.trials) as f64;
+        let effort = (self.splits * self.solver.len() * self.evaluations * self.rollouts) as f64;
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        if !(self.own.is_empty() && self.held.is_empty() && self.before == 0) {
-            if !self.models.is_empty() {
-                bail!("--models are judged beside what all trajectories share: leave --own, --held and --before out");
+        if !(self.per_trajectory.is_empty() && self.regularized.is_empty() && self.context_frames == 0) {
+            if !self.model.is_empty() {
+                bail!(
+                    "--model is judged beside what all trajectories share: leave --per-trajectory, --regularized and \
+                     --context-frames out"
+                );
             }
             let found = self.runs()?;
             return Measured::new(&found, found.tables());

@@ -1,7 +1,7 @@
-//! Models of the log's robot, or of a family that it is like, on what the calibrated solvers are judged by: shown the frames before each
-//! rollout, and shown none.
+//! Models of the log's robot, or of its family, on the test rollouts of the calibrated solvers: with the frames before
+//! each rollout as history, and without.
 
-use nerd_model::pick::learned;
+use nerd_model::solver::learned;
 use nerd_sim::calibrate::{Distance, Trial, distance};
 use nerd_sim::instruments::Recorder;
 use nerd_sim::log::{Log, Trajectory};
@@ -11,17 +11,17 @@ use nerd_train::evaluate::Pieces;
 use super::{Calibration, Parts, Scored};
 use crate::prelude::*;
 
-/// A model's errors on the judged part of every split.
+/// A model's errors on the test part of every split.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Modelled {
-    /// Its folder; where there is one for each split, the first.
+    /// Its folder; the first one if each split has its own.
     pub model: String,
-    /// Frames before a rollout on which its predictions may depend.
+    /// Most frames before a rollout that its predictions may depend on.
     pub before: usize,
-    /// Shown as many of them as there are.
+    /// Given as many earlier frames as there are, up to `before`.
     pub shown: Vec<Scored>,
     pub withheld: Vec<Scored>,
-    /// Whole trajectories, before which there are none.
+    /// Whole trajectories, without earlier frames.
     pub whole: Vec<Scored>,
 }
 
@@ -29,7 +29,7 @@ struct Judged<'a> {
     folder: &'a Path,
     own: Arc<System>,
     model: Model,
-    /// Of one that learned from recorded motion: the trajectories that it did not see.
+    /// For a model of recorded motion: the held-out trajectories.
     held_out: Option<Vec<u64>>,
 }
 
@@ -49,14 +49,15 @@ impl<'a> Judged<'a> {
 }
 
 impl Calibration {
-    /// Each model; of those that learned from recorded motion one row, each split judged by the one that held out what is judged there.
+    /// A row for each model. Models of recorded motion share one row: each split uses a model that held out its test
+    /// part.
     pub(super) fn modelled(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Modelled>> {
-        let all = self.models.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
+        let all = self.model.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
         let mut rows: Vec<Vec<&Judged>> = all.iter().filter(|m| m.held_out.is_none()).map(|m| vec![m; parts.len()]).collect();
         if let Some(first) = all.iter().find(|m| m.held_out.is_some()) {
             let of = |(k, part): (usize, &Parts)| {
                 let found = all.iter().find(|m| m.held_out.is_some() && m.fair(part));
-                found.ok_or_else(|| anyhow::anyhow!("--models {}: none held out what split {} is judged on", first.folder.display(), k + 1))
+                found.ok_or_else(|| anyhow::anyhow!("--model {}: none held out what split {} is judged on", first.folder.display(), k + 1))
             };
             rows.push(parts.iter().enumerate().map(of).collect::<Result<_>>()?);
         }
@@ -88,7 +89,7 @@ impl Calibration {
     }
 }
 
-/// Distance of every trial from a model's rollout, shown at most `before` frames before it.
+/// Distance between every trial and a model's rollout, with at most `before` frames of history.
 fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], before: usize) -> Result<Vec<Distance>> {
     let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for (k, trial) in trials.iter().enumerate() {
@@ -96,7 +97,7 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
     }
     let (d, nq, mut found) = (own.robot.state_dim(), own.robot.nq(), vec![Distance::default(); trials.len()]);
     for ((shown, frames), group) in groups {
-        // A trajectory that was cut is several of one name.
+        // A trajectory cut into pieces appears several times under one id.
         let from = |k: &usize| -> Result<(&Trajectory, usize)> {
             let trial = &trials[*k];
             let begins = |t: &&Trajectory| t.id == trial.id && t.states.get(trial.first) == Some(&trial.start);

@@ -1,5 +1,5 @@
-//! Parameters that each trajectory has of its own, such as zeros of sensors that are set by hand before a run: found from its first frames,
-//! beside what all share. Every trajectory is judged once, after them, by what was fitted to the other folds.
+//! Per-trajectory parameters, such as sensor zeros set by hand before a run: fitted to each trajectory's first frames,
+//! beside shared parameters from the other folds. Every trajectory is tested once, on its later frames.
 
 use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial, distance};
 use nerd_sim::log::Log;
@@ -8,19 +8,20 @@ use rand::RngExt;
 use super::{Calibration, stem, tables::listed};
 use crate::prelude::*;
 
-/// Costs of leaving what all share, in rad (or m) for the whole way between the bounds: one of these is chosen within the learned folds.
+/// Candidate penalties of leaving the shared value, in rad (or m) for the full range between the bounds; chosen within
+/// the training folds.
 const WEIGHTS: [f64; 6] = [0.0, 0.3, 1.0, 3.0, 10.0, 30.0];
-/// Resampled sets of trajectories.
+/// Bootstrap samples of the trajectories.
 const SETS: usize = 2000;
-/// The row that others are compared with, if there is more than it.
+/// Reference row: `calibrated`; the next row, with own parameters, if penalised parameters follow.
 const BASIS: usize = 2;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
-    /// Its log, and its name there.
+    /// The log, and the trajectory's id there.
     pub log: String,
     pub id: u64,
-    /// Rollouts of each length, and mean errors of the joints by method and length (rad or m): those of every predicted frame count alike.
+    /// Rollouts of each length; joint errors `[method][length]` (rad or m), averaged over all predicted frames.
     pub rollouts: Vec<usize>,
     pub errors: Vec<Vec<f64>>,
 }
@@ -32,58 +33,63 @@ pub struct Runs {
     pub notes: Vec<String>,
     pub methods: Vec<String>,
     pub lengths: Vec<usize>,
-    /// By fold: what it costs to leave what all share, as the other folds chose it.
+    /// Penalty of leaving the shared values, by fold, chosen on the other folds.
     pub weights: Vec<f64>,
     pub judged: Vec<Judged>,
 }
 
-/// What was learned of a log without some of its trajectories.
+/// Parameters learned from a log without some of its trajectories.
 struct Learned<'a> {
     log: &'a Log,
-    /// What all share, fitted beside each trajectory's own.
+    /// Robot with the shared parameters, fitted together with each trajectory's own.
     shared: Subject,
-    /// A trajectory's own parameters, and those that it may have of its own near what all share.
+    /// Free per-trajectory parameters, and those penalised for leaving the shared value.
     own: Vec<Parameter>,
     held: Vec<Parameter>,
 }
 
 impl Calibration {
     fn config(&self, share: usize) -> FitConfig {
-        FitConfig { evaluations: self.evaluations / share, trials: self.trials, seed: self.seed, slopes: true }
+        FitConfig { evaluations: self.evaluations / share, trials: self.rollouts, seed: self.seed, gradients: true }
     }
 
-    /// Rollouts that something is fitted to.
+    /// Rollouts for fitting, half as long as those for testing.
     fn pieces(&self, log: &Log, every: usize) -> Vec<Trial> {
         log.trials((self.frames / 2).max(1) + 1, every.max(1))
     }
 
-    /// The same without some trajectories.
+    /// Rollouts for fitting without the trajectories `out`.
     fn others(&self, log: &Log, out: &[u64]) -> Vec<Trial> {
         self.pieces(log, self.every).into_iter().filter(|t| !out.contains(&t.id)).collect()
     }
 
     fn learned<'a>(&self, log: &'a Log, out: &[u64]) -> Result<Learned<'a>> {
         let (described, parameters) = self.subject(log, "articulated")?;
-        let own: Vec<Parameter> = self.own.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?;
+        let own: Vec<Parameter> =
+            self.per_trajectory.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?;
         let shared = described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
         let of = |name: &String| match parameters.iter().zip(&shared.values).find(|(p, _)| p.name == *name) {
             Some((p, value)) => Ok(p.near(*value, 0.0)),
             None => Parameter::named(&log.system, name),
         };
-        let held = self.held.iter().map(of).collect::<std::result::Result<_, _>>()?;
+        let held = self.regularized.iter().map(of).collect::<std::result::Result<_, _>>()?;
         Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
     }
 
-    /// The shared robot after a fit to a trajectory's first frames.
+    /// The shared robot, further fitted to a trajectory's first frames.
     fn told(&self, learned: &Learned, id: u64, weight: Option<f64>) -> Result<Subject> {
         let mut seen = self.pieces(learned.log, self.every / 2);
-        seen.retain(|t| t.id == id && t.first + t.measured.len() <= self.before + 1);
+        seen.retain(|t| t.id == id && t.first + t.measured.len() <= self.context_frames + 1);
         if seen.is_empty() {
-            bail!("--before {}: no rollout of {} frames is in what is before; take more, or fewer --frames", self.before, self.frames / 2);
+            bail!(
+                "--context-frames {}: no rollout of {} frames is in what is before; take more, or fewer --frames",
+                self.context_frames,
+                self.frames / 2
+            );
         }
         let mut parameters = learned.own.clone();
         if let Some(weight) = weight {
-            // The objective is divided by its value before the fit.
+            // The fit divides the objective by its initial value, so the penalty is scaled alike.
             let unit = nerd_sim::calibrate::mean(&learned.shared.distances(&seen)?).joints;
             parameters.extend(learned.held.iter().map(|p| p.near(p.nominal, weight / unit.max(f64::MIN_POSITIVE))));
         }
@@ -91,21 +97,23 @@ impl Calibration {
         Ok(learned.shared.with(&parameters, &fit.values)?)
     }
 
-    /// Mean errors of a subject, or of no motion, after a trajectory's first frames, by length of rollouts; and how many there are.
+    /// Number of rollouts and mean joint error for each length, after a trajectory's first frames; `None` predicts no
+    /// motion.
     fn errors(&self, log: &Log, id: u64, subject: Option<&Subject>, lengths: &[usize]) -> Result<Vec<(usize, f64)>> {
         let of = |frames: &usize| {
             let mut trials = log.trials(frames + 1, self.every);
-            trials.retain(|t| t.id == id && t.first >= self.before);
+            trials.retain(|t| t.id == id && t.first >= self.context_frames);
             let still = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
             let found = subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
-            // A rollout begins at a measured frame, which is not a predicted one.
+            // The mean distance includes the start, where the error is 0.
             let predicted = (frames + 1) as f64 / *frames as f64;
             Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect::<Vec<_>>())))
         };
         lengths.iter().map(of).collect()
     }
 
-    /// Errors by weight, as logarithms so that long ones do not decide alone, of trajectories that were not learned from.
+    /// Log errors by penalty for trajectories outside the training folds; the logarithm keeps large errors from
+    /// dominating.
     fn weighed(&self, learned: &Learned, ids: &[u64]) -> Result<Vec<[f64; WEIGHTS.len()]>> {
         let of = |id: &u64| -> Result<[f64; WEIGHTS.len()]> {
             let mut found = [0.0; WEIGHTS.len()];
@@ -118,7 +126,8 @@ impl Calibration {
         ids.iter().map(of).collect()
     }
 
-    /// By fold, the weight by which trajectories of the others are predicted best, of each pair of folds one by what was learned without both.
+    /// Best penalty by fold, from the other folds: for each pair of folds, learned without both and tested on the other
+    /// one.
     fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], count: usize, progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
         let mut sums = vec![[0.0; WEIGHTS.len()]; count];
         for (log, folds) in logs.iter().zip(folds) {
@@ -138,34 +147,36 @@ impl Calibration {
     }
 
     pub fn runs(&self) -> Result<Runs> {
-        if self.before == 0 || self.own.is_empty() {
+        if self.context_frames == 0 || self.per_trajectory.is_empty() {
             bail!(
-                "--own, --held and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts"
+                "--per-trajectory, --regularized and --context-frames belong together: what a trajectory has of its own is \
+                 fitted to the frames before its rollouts"
             );
         }
-        if self.solvers != Calibration::default().solvers && self.solvers != ["articulated"] {
-            bail!("--own: `articulated` is fitted by slopes; --solvers says nothing of that");
+        if self.solver != Calibration::default().solver && self.solver != ["articulated"] {
+            bail!("--per-trajectory: `articulated` is fitted by gradients; --solver says nothing of that");
         }
-        bounds::once("--own and --held", &[&self.own[..], &self.held].concat())?;
+        bounds::once("--per-trajectory and --regularized", &[&self.per_trajectory[..], &self.regularized].concat())?;
         let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;
         let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
         notes.iter().for_each(|note| tell!("{note}"));
         if let Some(log) = logs.iter().find(|log| log.system.robot.floating() || log.system.robot.joint_count() == 0) {
-            bail!("--own: `{}` has a free base or no joint; joints of a robot on a fixed base are compared", log.system.name);
+            bail!("--per-trajectory: `{}` has a free base or no joint; joints of a robot on a fixed base are compared", log.system.name);
         }
         let folds: Vec<Vec<Vec<u64>>> = logs.iter().map(|log| self.folds(log)).collect();
         let (count, lengths) = (folds.iter().map(Vec::len).max().unwrap_or(0), [self.frames / 2, self.frames, 2 * self.frames]);
         if let Some(log) =
-            logs.iter().zip(&folds).find(|(_, folds)| folds.len() < 2 + usize::from(!self.held.is_empty())).map(|(log, _)| log)
+            logs.iter().zip(&folds).find(|(_, folds)| folds.len() < 2 + usize::from(!self.regularized.is_empty())).map(|(log, _)| log)
         {
             bail!(
-                "--splits: `{}` has too few folds: what is learned without one, and with --held without two, needs another",
+                "--splits: `{}` has too few folds: what is learned without one, and with --regularized without two, needs \
+                 another",
                 log.system.name
             );
         }
-        let pairs = if self.held.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
+        let pairs = if self.regularized.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
         let bar = bar("folds", (pairs + folds.iter().map(Vec::len).sum::<usize>()) as u64);
-        let [own, near] = [&self.own, &self.held].map(|names| names.join(", "));
+        let [own, near] = [&self.per_trajectory, &self.regularized].map(|names| names.join(", "));
         let mut methods: Vec<String> = ["no motion", "as described", "calibrated"].map(String::from).into();
         methods.push(format!("calibrated, with its own {own}"));
         let (mut weights, mut judged) = (Vec::new(), Vec::new());
@@ -195,12 +206,12 @@ impl Calibration {
         bar.finish();
         if let Some(run) = judged.iter().find(|run| !run.errors.iter().flatten().all(|e| e.is_finite())) {
             let length = lengths[2];
-            bail!("trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames", run.id, self.before);
+            bail!("trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames", run.id, self.context_frames);
         }
         Ok(Runs { settings: self.clone(), notes, methods, lengths: lengths.into(), weights, judged })
     }
 
-    /// A log's folds: its own, or its trajectories in turn.
+    /// A log's folds: its own, or its trajectories dealt in turn.
     fn folds(&self, log: &Log) -> Vec<Vec<u64>> {
         if !log.folds.is_empty() {
             return log.folds.clone();
@@ -217,8 +228,8 @@ fn ids(log: &Log) -> Vec<u64> {
 }
 
 impl Runs {
-    /// Of a method's errors at a length, and of the share by which they are below those of another: the mean, and the ends of its 95 % interval
-    /// from drawing trajectories with replacement.
+    /// Value of `of` over all trajectories at a length, and its 95 % interval from resampling trajectories with
+    /// replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
         let (all, mut rng) = (self.judged.iter().collect::<Vec<_>>(), stream(self.settings.seed, 1));
         let sets: Vec<f64> =
@@ -248,9 +259,9 @@ impl Runs {
                  trajectory has of its own to its first {} frames. Last column: at {} frames, paired by trajectory. Cost of leaving what all \
                  share, by fold, chosen within the other folds: {}.{}",
                 settings.every,
-                settings.before,
+                settings.context_frames,
                 self.judged.len(),
-                settings.before,
+                settings.context_frames,
                 self.lengths[1],
                 self.weights.iter().map(|w| digits(*w)).collect::<Vec<_>>().join(", "),
                 self.notes.iter().map(|n| format!(" {n}.")).collect::<String>()

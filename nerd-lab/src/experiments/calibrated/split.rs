@@ -1,4 +1,4 @@
-//! Splits of a log by trajectory, and errors on the part that nothing was fitted to.
+//! Splits of a log by trajectory, and errors on the test part.
 
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::Log;
@@ -6,7 +6,7 @@ use rand::{RngExt, seq::SliceRandom};
 
 use crate::prelude::*;
 
-/// Trials that are fitted to, and those that are judged on; no trajectory is in both.
+/// Trials for training and for testing; no trajectory is in both.
 pub(super) struct Parts {
     pub train: Vec<Trial>,
     pub judged: Vec<Trial>,
@@ -14,7 +14,7 @@ pub(super) struct Parts {
     ids: Vec<u64>,
 }
 
-/// Mean distances, and the ends of their 95 % intervals from resampling trajectories.
+/// Mean distances, and their 95 % intervals from resampling trajectories.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scored {
     pub mean: Distance,
@@ -26,7 +26,7 @@ pub struct Scored {
 pub struct Split {
     pub judged: Vec<u64>,
     pub fit: FitOf,
-    /// Without the fit, on the judged part.
+    /// As described, on the test part.
     pub before: Scored,
     pub after: Scored,
     pub whole_before: Scored,
@@ -38,23 +38,23 @@ pub struct FitOf {
     pub values: Vec<f64>,
     pub objective: f64,
     pub evaluations: f64,
-    /// Wall clock.
+    /// Wall time of the fit.
     pub seconds: f64,
 }
 
-/// Share of the trajectories that are fitted to (%), the paper's 400 of 570; and of the others that are judged on, its 85 of 170.
+/// Training share of the trajectories (%), the paper's 400 of 570; test share of the rest, its 85 of 170.
 pub(super) const FITTED: usize = 68;
 const JUDGED: f64 = 0.5;
-/// Resampled sets of trajectories.
+/// Bootstrap samples of the trajectories.
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split, of which neither part may be empty.
+    /// A random split; both parts must be non-empty.
     pub fn new(log: &Log, trials: &[Trial], seed: u64) -> Result<Self> {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
         ids.shuffle(&mut stream(seed, 0));
-        // Of a few, one is left to judge on.
+        // With few trajectories at least one stays for testing.
         let first = (ids.len() * FITTED).div_ceil(100).min(ids.len().saturating_sub(1));
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
@@ -93,7 +93,7 @@ impl Parts {
 }
 
 impl Scored {
-    /// Of trials' distances; whole trajectories are drawn with replacement.
+    /// Mean distances with intervals; whole trajectories are resampled with replacement.
     pub(super) fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));

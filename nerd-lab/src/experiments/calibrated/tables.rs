@@ -1,4 +1,4 @@
-//! Tables of errors before and after, and of parameters.
+//! Tables of errors before and after calibration, and of parameters.
 
 use nerd_sim::calibrate::Distance;
 
@@ -6,7 +6,7 @@ use super::split::FITTED;
 use super::{Calibrated, CalibratedAll, Modelled, Scored, Split};
 use crate::report::{Table, digits};
 
-/// A parameter along whose bounds the objective rises by less than this share is not determined.
+/// A parameter is undetermined if the objective at its bounds rises by less than this share.
 const FLAT: f64 = 0.01;
 
 impl CalibratedAll {
@@ -65,7 +65,7 @@ impl CalibratedAll {
         Table::new("fits", &header).with(rows).noted(&format!(
             "Evaluations of the objective over {} rollouts of the fitted part; one over fewer or shorter ones counts as its share, a round's \
              slopes ten. Objective: mean distances there, in units of those as described. Position and rotation: on the judged part.",
-            self.settings.trials
+            self.settings.rollouts
         ))
     }
 
@@ -106,8 +106,7 @@ fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
     [mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt()]
 }
 
-/// How much the objective rises to that of a parameter's bounds where it rises less, as a share of itself, and whether the fit is at
-/// the other.
+/// Relative rise of the objective at the bound where it rises less, and whether the fit lies at the other bound.
 fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
     let (profile, fitted) = (solver.profiles.get(k)?, solver.splits.first()?.fit.values[k]);
     let best = profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
@@ -137,7 +136,7 @@ fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>)
     row
 }
 
-/// A mean and the ends of its interval.
+/// A mean with its interval, as text.
 pub(super) fn listed([mean, low, high]: [f64; 3]) -> String {
     format!("{} [{}, {}]", digits(mean), digits(low), digits(high))
 }

@@ -1,6 +1,6 @@
-//! MuJoCo's marks on a chart. Without contact its errors are measured against our converged reference, as all others.
-//! With contact it solves another problem (its contacts are soft constraints of its own), so there it is compared with a
-//! run of its own at four times the most substeps: how fast it comes to its own answer, not how near that is to ours.
+//! MuJoCo's points on a chart. Without contact, errors are measured against our converged reference. With contact
+//! MuJoCo solves another problem (soft constraints), so the reference is its own run at four times the most substeps.
+//! The errors then show convergence to MuJoCo's own answer, not distance from ours.
 
 use nerd_sim::instruments::Replay;
 
@@ -15,7 +15,7 @@ pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, env
     Referee::held(python, &begun, config.steps, config.held(system).as_ref(), *environments)
 }
 
-/// Its settings: integrator, name, substeps.
+/// Settings to measure: integrator, series, substeps.
 pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
     let schemes: &[(Scheme, &str, usize)] = match (contact, card) {
         (_, true) => &[(Scheme::ImplicitFast, "MuJoCo Warp (against itself)", most)],
@@ -27,7 +27,7 @@ pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
-/// Its points at powers of two of substeps; `truth` are the frames of our reference, named `reference`.
+/// Points at powers of two of substeps; `truth` holds the frames of our reference, named `reference`.
 pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
     let (config, card) = (plan.protocol, plan.environments.is_some());
     let own = plan.contact() || card;

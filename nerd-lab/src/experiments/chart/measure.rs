@@ -7,41 +7,41 @@ use super::shown::{ChartData, Point};
 #[cfg(feature = "cuda")]
 use crate::experiments::card;
 use crate::prelude::*;
-use nerd_train::cost::timed;
+use nerd_train::{cost::timed, spec::Method as Stepping};
 
 type Frames = Vec<Vec<f64>>;
-/// Errors, microseconds of a frame of one environment, memory on a GPU (MiB).
+/// Errors, microseconds of a frame of one environment, GPU memory (MiB).
 type Timed = (PassiveReport, f64, Option<f64>);
 
-/// Every method's point, and the frames of the reference.
+/// Points of every method, and the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let Plan { system, scene, methods, protocol, .. } = plan;
     let implicit = plan.contact() || plan.implicit;
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
-    let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
+    let exact = |n: usize| SolverSpec::articulated(if implicit { Stepping::Implicit } else { Stepping::Rk4 }, n);
     let bar = progress::bar("solvers", methods.len() as u64 + 1);
-    let mut truth = Recorder::new(exact(finest).solver(system)?);
-    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, *protocol, &mut |_| ())?;
+    let mut truth = Recorder::new(exact(finest).solver(system, 1)?);
+    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system, 1)?, *protocol, &mut |_| ())?;
     let truth = truth.frames;
     let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
     bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
     let mut points = Vec::new();
     for (k, method) in methods.iter().enumerate() {
         bar.set(k as u64 + 1);
-        bar.say(&method.setting.to_string());
+        bar.say(&method.spec.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
         let theirs = theirs.as_ref().unwrap_or(&truth);
         let compare = |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
         for (series, found) in each(plan, method, &compare) {
             let point = found.and_then(|(report, microseconds, memory)| {
-                let Method { setting, own, .. } = method;
-                let point = Point::new(series, Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some()).with(memory);
+                let Method { spec, own, .. } = method;
+                let point = Point::new(series, Some(spec.clone()), spec.asked(), microseconds, report, own.is_some()).with(memory);
                 bounds::figures("its mean error", &[point.error])?;
                 Ok(point)
             });
             match point {
                 Ok(point) => points.push(point),
-                Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
+                Err(error) => bar.line(&format!("{}: left out, {error}", method.spec)),
             }
         }
     }
@@ -60,10 +60,10 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     Ok((data, truth))
 }
 
-/// Errors and microseconds by series: on a GPU one for each arithmetic.
+/// Errors and time by series; on a GPU one series for each number format.
 fn each(
     plan: &Plan,
-    Method { setting, series, .. }: &Method,
+    Method { spec, series, .. }: &Method,
     compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Vec<(String, Result<Timed>)> {
     #[cfg(feature = "cuda")]
@@ -71,12 +71,12 @@ fn each(
         let Plan { system, scene, protocol, .. } = plan;
         let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
         let held = protocol.held(system);
-        let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], held.as_ref(), compare);
+        let timed = |precision| card::timed(&begun, spec, precision, [n, protocol.steps], held.as_ref(), compare);
         let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
-        return card::arithmetics(setting).iter().map(one).collect();
+        return card::arithmetics(spec).iter().map(one).collect();
     }
     let frames = plan.protocol.starts * plan.protocol.steps;
-    let found = setting.solver(&plan.system).map_err(Error::from).and_then(|solver| {
+    let found = spec.solver(&plan.system, plan.protocol.starts).map_err(Error::from).and_then(|solver| {
         let (report, microseconds) = timed(solver, frames, compare)?;
         Ok((report, microseconds, None))
     });

@@ -1,35 +1,36 @@
-//! What is drawn: a chart's settings, and all that they name.
+//! A chart's settings, and the methods and scene they name.
 
-use crate::{choice::describe, error::unused, prelude::*, roll::refusal};
+use crate::{describe::title, error::unused, prelude::*, roll::refusal};
 use nerd_sim::articulated::device::has_kernels;
-use nerd_train::cost::powers;
+use nerd_train::{cost::powers, spec::Method as Stepping, spec::RapierSpec};
 
 settings! {
-    /// Speed against accuracy.
+    /// Settings of a chart: speed against accuracy.
     pub struct Chart {
-        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
+        /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable
+        /// .toml
         robot: String = "pendulum".into(), Text;
-        /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
+        /// Scene: free, plane, slope, box, steps, hills, or one of the robot's own (`list scenes` prints all)
         scene: String = "free".into(), Text;
-        /// Model folders, comma-separated [default: all of the robot in models/]
+        /// Folders of models, comma-separated [default: all models of the robot in models/]
         model: Vec<PathBuf> = Vec::new(), Texts;
-        /// Trajectories
-        starts: usize = 64, Whole(STARTS);
-        /// Frames over which the error is the mean
+        /// Number of trajectories
+        trajectories: usize = 64, Whole(STARTS);
+        /// Frames over which the error is averaged
         frames: usize = 100, Whole(FRAMES);
-        /// Largest number of substeps
-        substeps: usize = 256, Whole(SUBSTEPS);
+        /// Largest number of substeps per frame
+        max_substeps: usize = 256, Whole(SUBSTEPS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Joints are held by drives with the robot's gains, at random targets within so much (rad or m) of the default pose, new every 20 ms
-        /// [default: limp]
+        /// Largest distance (rad or m) of random drive targets from the default pose, drawn anew every 20 ms. Drives
+        /// use the robot's gains. With 0, no torque acts
         targets: f64 = 0.0, Number(0.0..=10.0);
-        /// Python that has MuJoCo, or with --device cuda MuJoCo Warp, to draw that engine too [default: none]
+        /// Python that has MuJoCo (with --device cuda: MuJoCo Warp), which is drawn too [default: none]
         mujoco: Option<PathBuf> = None, Text;
-        /// What is timed: a frame of one environment on one core (cpu), or of one among many on a GPU (cuda)
+        /// Device that is timed: cpu (one environment on one core) or cuda (one of many environments on a GPU)
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
-        /// With --device cuda: environments that are stepped together
-        environments: usize = 8192, Whole(STARTS);
+        /// With --device cuda: number of environments stepped together
+        envs: usize = 8192, Whole(STARTS);
     }
 }
 
@@ -37,19 +38,19 @@ pub(super) struct Plan {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
     pub methods: Vec<Method>,
-    /// Series that cannot take part, and why.
+    /// Series that are left out, with reasons.
     pub refused: Vec<String>,
-    /// Whether nothing of it steps explicitly.
+    /// Whether forces act that explicit steps do not support.
     pub implicit: bool,
     pub protocol: PassiveConfig,
-    /// How many are stepped together on a GPU, if that is timed.
+    /// Environments stepped together on a GPU; `None` on the CPU.
     pub environments: Option<usize>,
 }
 
 pub(super) struct Method {
-    pub setting: Setting,
+    pub spec: SolverSpec,
     pub series: String,
-    /// What it is compared with, if that is not the chart's reference.
+    /// Reference of this method, if other than the chart's.
     pub own: Option<Truth>,
 }
 
@@ -57,13 +58,13 @@ impl Chart {
     pub(super) fn plan(&self) -> Result<Plan> {
         let system = System::named(&self.robot)?;
         let scene = system.scene(&self.scene)?;
-        let frames = [("--starts", self.starts), ("--frames", self.frames)];
-        // Every state of the reference is kept, and of a model's own truth.
+        let frames = [("--trajectories", self.trajectories), ("--frames", self.frames)];
+        // Keeps all states of the reference and of a model's own truth.
         bounds::memory(&frames, 16 * system.robot.state_dim())?;
         // The reference has four times the substeps.
-        bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * self.substeps)])?;
+        bounds::time(&[frames[0], frames[1], ("4 x --max-substeps", 4 * self.max_substeps)])?;
         let card = self.device.is_cuda();
-        unused(&[("--environments", !card && self.environments != Self::default().environments)], "without --device cuda")?;
+        unused(&[("--envs", !card && self.envs != Self::default().envs)], "without --device cuda")?;
         unused(&[("--targets", self.targets > 0.0 && system.robot.joint_count() == 0)], "for a robot without joints")?;
         if card && !cfg!(feature = "cuda") {
             bail!("--device cuda needs a build with `--features cuda`");
@@ -71,33 +72,33 @@ impl Chart {
         let mut models = self.model.clone();
         if models.is_empty() {
             models = shipped::folders(&shipped::models(), &system.name)?;
-            // Of this robot, not of one whose name begins alike.
+            // The prefix also matches robots with a longer name.
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
         let action = if self.targets > 0.0 { Action::Held(self.targets) } else { Action::Limp };
         let implicit = system.held() || action != Action::Limp;
-        let mut settings = analytic(!scene.colliders.is_empty(), implicit, self.substeps);
+        let mut settings = analytic(!scene.colliders.is_empty(), implicit, self.max_substeps);
         settings.push(truth.into());
-        // No other has kernels, or drives.
+        // Only `articulated` has kernels or drives.
         settings.retain(|setting| {
-            !card && action == Action::Limp || setting.articulated(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
+            !card && action == Action::Limp || setting.config(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
         });
-        let methods = settings.into_iter().chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
+        let methods = settings.into_iter().chain(models.into_iter().map(SolverSpec::neural)).map(|spec| Method::new(spec, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
-        if let Some(Err(reason)) = Setting::from(truth).articulated(&system).filter(|_| card).map(|config| has_kernels(&config)) {
+        if let Some(Err(reason)) = SolverSpec::from(truth).config(&system).filter(|_| card).map(|config| has_kernels(&config)) {
             refused.push(format!("the truth, {}: left out, {reason}", truth.name()));
         }
         for method in methods.collect::<Result<Vec<Method>>>()? {
-            let solver = method.setting.solver(&system).map_err(|e| e.to_string());
+            let solver = method.spec.solver(&system, self.trajectories).map_err(|e| e.to_string());
             match solver.map_or_else(Some, |mut solver| refusal(&mut *solver, &system, &scene)) {
                 None => ready.push(method),
                 Some(reason) => refused.push(format!("{}: left out, {reason}", method.series)),
             }
         }
         refused.dedup();
-        let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action };
-        Ok(Plan { methods: ready, refused, implicit, system, scene, protocol, environments: card.then_some(self.environments) })
+        let protocol = PassiveConfig { starts: self.trajectories, steps: self.frames, seed: self.seed, action };
+        Ok(Plan { methods: ready, refused, implicit, system, scene, protocol, environments: card.then_some(self.envs) })
     }
 }
 
@@ -108,29 +109,34 @@ impl Plan {
 }
 
 /// Analytic solvers at powers of two of substeps.
-fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<Setting> {
-    let mut settings: Vec<Setting> = if implicit { Vec::new() } else { powers(most).map(Setting::Euler).collect() };
+fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<SolverSpec> {
+    let ours = |method, most| powers(most).map(move |n| SolverSpec::articulated(method, n));
+    let mut specs: Vec<SolverSpec> = if implicit { Vec::new() } else { ours(Stepping::Euler, most).collect() };
     if contact || implicit {
-        settings.extend(powers(most / 2).map(Setting::Implicit));
+        specs.extend(ours(Stepping::Implicit, most / 2));
     }
     if contact {
-        settings.extend(powers(most / 4).map(Setting::RapierSteps));
+        specs.extend(powers(most / 4).map(SolverSpec::rapier));
     } else if !implicit {
-        settings.extend(powers(most.min(32)).map(Setting::Rk4));
+        specs.extend(ours(Stepping::Rk4, most.min(32)));
     }
-    settings.extend(powers(most).map(Setting::Rapier));
-    settings
+    // One step of 4 iterations is in the other series.
+    specs.extend(
+        powers(most)
+            .filter(|n| *n != RapierSpec::default().iterations)
+            .map(|iterations| SolverSpec::Rapier(RapierSpec { steps: 1, iterations, ..RapierSpec::default() })),
+    );
+    specs
 }
 
 impl Method {
-    fn new(setting: Setting, truth: Truth) -> Result<Self> {
-        let Setting::Neural(folder) = &setting else {
-            let whose = if setting == truth.into() { " (NeRD's truth)" } else { "" };
-            return Ok(Self { series: format!("{}{whose}", setting.series()), own: None, setting });
+    fn new(spec: SolverSpec, truth: Truth) -> Result<Self> {
+        let Some(folder) = spec.folder() else {
+            let whose = if spec == truth.into() { " (NeRD's truth)" } else { "" };
+            return Ok(Self { series: format!("{}{whose}", spec.series()), own: None, spec });
         };
-        let name = describe(&ModelConfig::read(folder)?);
-        let own = Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth);
+        let (name, own) = (title(&spec)?, Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth));
         let series = own.map_or(name.clone(), |own| format!("{name}, against {}", own.name()));
-        Ok(Self { series, own, setting })
+        Ok(Self { series, own, spec })
     }
 }

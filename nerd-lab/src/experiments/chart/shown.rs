@@ -1,4 +1,4 @@
-//! What a chart shows: the front, its table, its picture.
+//! Contents of a chart: the Pareto front, table and figure.
 
 use nerd_train::evaluate::summary;
 
@@ -11,37 +11,37 @@ pub(super) struct ChartData {
     pub scene: String,
     pub protocol: PassiveConfig,
     pub reference: String,
-    /// Its distance from half its substeps.
+    /// Distance of the reference from itself at half the substeps.
     pub reference_error: f64,
     /// Error of the predictor that repeats the start.
     pub hold: f64,
     pub points: Vec<Point>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mujoco: Option<Against>,
-    /// Stepped together on a GPU, if that was timed.
+    /// Environments stepped together, if timed on a GPU.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environments: Option<usize>,
 }
 
-/// One mark on the chart; [`nerd_model::pick`] reads it.
+/// One mark on the chart.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Point {
     series: String,
     /// The solver; `None` for another engine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    setting: Option<Setting>,
+    spec: Option<SolverSpec>,
     substeps: Option<usize>,
-    /// Frame of one environment on one core, the fastest of a few runs; or of one among many on a GPU.
+    /// Time of a frame of one environment: on one core the fastest of a few runs, or one among many on a GPU.
     microseconds: f64,
     pub error: f64,
-    /// Mean |difference| of each.
+    /// Mean |difference| of each quantity.
     by_coordinate: Vec<f64>,
     diverged: usize,
     front: bool,
-    /// Whether its error is against a reference of its own, so that it competes with no other series.
+    /// Whether the error has a reference of its own; such a point is not on the front.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     own: bool,
-    /// On a GPU, of its process (MiB).
+    /// GPU memory of the process (MiB).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     memory: Option<f64>,
 }
@@ -50,23 +50,23 @@ pub(super) struct Point {
 pub(super) struct Against {
     pub version: String,
     pub reference: String,
-    /// That reference's distance from half its substeps, where it is MuJoCo's own.
+    /// Distance of the reference from itself at half the substeps, if it is MuJoCo's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference_error: Option<f64>,
 }
 
 impl Point {
-    /// One that was measured; `own` if against a reference of its own.
+    /// A measured point; `own` if its reference is not the chart's.
     pub fn new(
         series: String,
-        setting: Option<Setting>,
+        spec: Option<SolverSpec>,
         substeps: Option<usize>,
         microseconds: f64,
         report: PassiveReport,
         own: bool,
     ) -> Self {
         let (error, diverged) = (mean(&report.error), report.diverged);
-        Self { series, setting, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own, memory: None }
+        Self { series, spec, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own, memory: None }
     }
 
     pub fn with(self, memory: Option<f64>) -> Self {
@@ -75,13 +75,13 @@ impl Point {
 }
 
 impl ChartData {
-    /// Marks the points that no other beats in both. Those with a reference of their own are out of the race.
+    /// Marks the Pareto front; points with a reference of their own are excluded.
     pub fn mark(&mut self) {
         let race: Vec<_> = self.points.iter().map(|p| (!p.own).then_some((p.microseconds, p.error))).collect();
         self.points.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
     }
 
-    /// How many times as long as the fastest of ours takes one that competes with none, at its error: between two of ours in logarithms.
+    /// Time of a point outside the front, as a multiple of the front's time at the same error (log-log interpolation).
     fn times(&self, p: &Point) -> Option<f64> {
         let mut ours: Vec<&Point> = self.points.iter().filter(|p| p.front).collect();
         ours.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -122,10 +122,10 @@ impl ChartData {
     }
 
     pub fn figure(&self) -> Figure {
-        // What knows less than one who repeats the start is in the table; in the picture it would flatten all the others.
+        // Solvers worse than repeating the start are in the table; they would flatten the figure.
         let shown = self.points.iter().filter(|p| p.error < 2.0 * self.hold);
         let marks = shown.map(|p| Mark { series: &p.series, cost: p.microseconds, error: p.error, label: p.word(), front: p.front });
-        // A reference far below every solver would only stretch the picture.
+        // A reference far below every solver would only stretch the figure.
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];
         levels.extend((self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())));
@@ -138,10 +138,13 @@ impl ChartData {
 
 impl Point {
     fn word(&self) -> String {
-        match (&self.setting, self.substeps) {
+        match (&self.spec, self.substeps) {
             (_, Some(n)) => format!("x{n}"),
-            (Some(Setting::Neural(folder)), None) => format!("NeRD {}", folder.file_name().unwrap_or_default().to_string_lossy()),
-            (setting, None) => setting.as_ref().map_or_else(String::new, ToString::to_string),
+            (Some(spec), None) => match spec.folder() {
+                Some(folder) => format!("NeRD {}", folder.file_name().unwrap_or_default().to_string_lossy()),
+                None => spec.to_string(),
+            },
+            (None, None) => String::new(),
         }
     }
 }

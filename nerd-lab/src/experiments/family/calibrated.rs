@@ -1,4 +1,4 @@
-//! `articulated` calibrated on each robot of a family by itself, on the frames that models are shown of it.
+//! `articulated`, calibrated on each robot of a family by itself, from the frames that models see of it.
 
 use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject, Trial};
 use nerd_sim::rig::{LATEST, Motors};
@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use crate::prelude::*;
 
-/// Frames of a rollout that is fitted: over more, motions that are not known yet go elsewhere.
+/// Frames of a fitted rollout; longer ones diverge while the parameters are still wrong.
 const LENGTH: usize = 30;
 
-/// Pieces as a solver has them that was calibrated on what is shown of each robot: its masses, centres, brakes, motors, zeros, and torques that
-/// are late. None where nothing is shown.
+/// Pieces with robots calibrated on the frames seen: masses, centres of mass, joint damping and friction, torque
+/// factors, sensor zeros, torque delay. `None` if no frame is seen.
 pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>> {
     if pieces.before == 0 {
         return Ok(None);
@@ -40,7 +40,7 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
     Ok(Some(Pieces { systems, ..described }))
 }
 
-/// What of a robot and its motors is searched.
+/// Parameters to fit, of the links, joints and motors.
 fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
     let links = system.robot.links.iter().filter(|link| link.inertia.mass > 0.0);
     let links = links.flat_map(|link| ["mass", "com.x", "com.y", "com.z"].map(|what| format!("{what}:{}", link.name)));
@@ -51,12 +51,12 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
     let names: Vec<String> = links.chain(brakes).collect();
     let named = names.iter().map(|name| Parameter::named(system, name)).collect::<Result<Vec<_>, _>>()?;
     let mut driven = Parameter::driven(system)?;
-    // As late as any robot's.
+    // Up to the largest delay that a family may have.
     driven.iter_mut().filter(|p| p.name == "delay").for_each(|p| p.high = LATEST);
     Ok([named, driven].concat())
 }
 
-/// What is shown of the k-th robot, in rollouts side by side.
+/// Frames seen of the k-th robot, cut into rollouts.
 fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
     let (d, nq, joints) = (pieces.system.robot.state_dim(), pieces.system.robot.nq(), pieces.system.robot.joint_count());
     let state = |frame: usize| &pieces.states[frame][k * d..(k + 1) * d];

@@ -1,8 +1,9 @@
-//! Robots of a family that nobody has seen: how far solvers drift from each in its truth, by the frames that they were shown before.
+//! Held-out robots of a family: solver errors by the number of frames seen before the rollout.
 //!
-//! All start from the same states and are driven by the same torques, whatever is shown; so a line that falls is knowledge of the robot. Beside
-//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do. Two ways
-//! bring what knows another robot to each of these: a network with memory sees its frames, and `articulated` is calibrated on them.
+//! Starts and torques are the same for every number of frames seen, so an error that falls shows knowledge of the
+//! robot. Baselines are `articulated` on the robot as described, and with all drawn parameters except torque ripple:
+//! the best of the equations. A solver adapts to a robot in two ways: a network with memory sees its frames, and
+//! `articulated` is calibrated on them.
 
 mod calibrated;
 
@@ -13,29 +14,30 @@ use nerd_train::evaluate::{Pieces, summary, summary_names};
 use crate::{error::unused, prelude::*};
 
 settings! {
-    /// Robots of a family beside models that are told what was drawn of them, or guess it from frames seen.
+    /// Settings: robots of a family under models conditioned on their parameters, or inferring them from frames seen.
     pub struct Family {
         /// Name of the result
         name: String = "family".into(), Text;
-        /// The family: a robot with `[vary]`
+        /// Family of robots: the name or path of a robot with `[vary]`, from which parameters are drawn
         robot: String = "pendulum-family".into(), Text;
-        /// Folders of models of it, or of the robot that it is like, comma-separated
-        models: Vec<PathBuf> = Vec::new(), Texts;
-        /// Robots drawn, a rollout each
-        robots: usize = 256, Whole(STARTS);
-        /// Frames that are shown before a rollout, comma-separated
-        seen: Vec<usize> = vec![1, 5, 10, 30, 60, 120], Wholes(0..=10_000);
+        /// Folders of models, comma-separated, of the family or of the robot that the family varies [default: none]
+        model: Vec<PathBuf> = Vec::new(), Texts;
+        /// Number of trajectories, each of another robot of the family
+        trajectories: usize = 256, Whole(STARTS);
+        /// Frames that a solver sees before a rollout, comma-separated [default: 1,5,10,30,60,120]
+        context_frames: Vec<usize> = vec![1, 5, 10, 30, 60, 120], Wholes(0..=10_000);
         /// Frames of a rollout
         frames: usize = 100, Whole(FRAMES);
-        /// Factor on the random torques of the training data
-        drive: f64 = 1.0, Number(0.0..=1e3);
-        /// Most frames for which a torque is held
+        /// Factor on random torques, drawn as in the training data
+        torque_scale: f64 = 1.0, Number(0.0..=1e3);
+        /// Largest number of frames over which a random torque stays constant
         hold: usize = 8, Whole(FRAMES);
-        /// Evaluations in which `articulated` is calibrated on what is shown of each robot; 0: it is not
+        /// Evaluations of the objective that calibrates `articulated` on the frames seen of each robot. With 0, it is
+        /// not calibrated
         evaluations: usize = 300, Whole(0..=1_000_000);
-        /// Where models are computed
+        /// Device of the models: cpu, cuda (NVIDIA GPU) or cuda-f32 (NVIDIA GPU with f32 matrix products)
         device: Device = Device::Cpu, Words(&["cpu", "cuda", "cuda-f32"]);
-        /// Seed of robots, starts and torques; training draws others
+        /// Seed of robots, starts and torques, other than the seeds of the training data
         seed: u64 = 500, Whole(SEEDS);
     }
 }
@@ -45,17 +47,17 @@ pub struct Row {
     pub of: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// By the frames shown; none where nothing can be said.
+    /// By the number of frames seen; `None` without a result.
     pub reports: Vec<Option<PassiveReport>>,
-    /// Of a frame of one robot, all solvers on as many threads as there are.
+    /// Microseconds of a frame of one robot, on all threads.
     pub microseconds: f64,
-    /// What it takes to know a robot by the most frames on one core (s); nothing, but for a calibration.
+    /// Calibration time of one robot from the most frames seen, on one core (s).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }
 
 impl Row {
-    /// By the k-th number of frames: mean over the quantities, with the largest of their standard errors.
+    /// Mean error over the quantities at the k-th number of frames, and the largest standard error.
     fn error(&self, k: usize) -> Option<[f64; 2]> {
         let report = self.reports[k].as_ref()?;
         Some([mean(&report.error), report.standard_error.iter().copied().fold(0.0, f64::max)])
@@ -71,19 +73,19 @@ impl Family {
         Ok(system)
     }
 
-    /// The robot that a family of a file is like has its file beside it.
+    /// The robot that a family extends; for a family from a file, a file beside it comes first.
     fn beside(&self, name: &str) -> Result<Arc<System>> {
         let file = Path::new(&self.robot).extension().map(|kind| Path::new(&self.robot).with_file_name(name).with_extension(kind));
         Ok(System::named(file.filter(|file| file.exists()).as_deref().and_then(Path::to_str).unwrap_or(name))?)
     }
 
-    /// The robots' motions, longest seen first.
+    /// The robots' motions, with the longest history.
     pub fn pieces(&self) -> Result<Pieces> {
-        let (system, before) = (self.system()?, self.seen.iter().copied().max().unwrap_or(0));
-        let (frames, torque_scale) = (before + self.frames, Range { low: self.drive, high: self.drive });
-        bounds::time(&[("robots", self.robots), ("frames", frames), ("substeps", system.spec.substeps)])?;
+        let (system, before) = (self.system()?, self.context_frames.iter().copied().max().unwrap_or(0));
+        let (frames, torque_scale) = (before + self.frames, Range { low: self.torque_scale, high: self.torque_scale });
+        bounds::time(&[("--trajectories", self.trajectories), ("frames", frames), ("substeps", system.spec.substeps)])?;
         let config = GenerateConfig {
-            transitions: self.robots * frames,
+            transitions: self.trajectories * frames,
             frames,
             torque_scale,
             seed: self.seed,
@@ -96,12 +98,12 @@ impl Family {
 
     pub fn rows(&self) -> Result<Vec<Row>> {
         let (pieces, system) = (self.pieces()?, self.system()?);
-        let bar = bar("solvers of a family", (4 + self.models.len()) as u64);
+        let bar = bar("solvers of a family", (4 + self.model.len()) as u64);
         let row = |of: String, model: Option<&Path>, pieces: &Pieces, solver: Box<dyn Solver>| -> Result<Row> {
             bar.say(&of);
             let mut timed = Timed::new(solver);
             let report = |seen: &usize| pieces.seen(*seen).compare(&mut timed).map(Some);
-            let reports = self.seen.iter().map(report).collect::<Result<Vec<_>, _>>()?;
+            let reports = self.context_frames.iter().map(report).collect::<Result<Vec<_>, _>>()?;
             bar.add(1);
             Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(timed.spent), seconds: None })
         };
@@ -115,10 +117,10 @@ impl Family {
             rows.push(self.calibrated(&pieces)?);
         }
         bar.add(1);
-        for folder in &self.models {
+        for folder in &self.model {
             let config = ModelConfig::read(folder)?;
             let own = config.robot == system.name;
-            // A model of the robot that the family is like is asked as if there were no other.
+            // A model of the base robot runs on the robot as described.
             let (pieces, like) = if own {
                 (pieces.clone(), system.clone())
             } else {
@@ -139,20 +141,20 @@ impl Family {
         Ok(rows)
     }
 
-    /// Of a frame of one robot (us), of all that were stepped in so long.
+    /// Microseconds of a frame of one robot, from the time spent on all steps.
     fn pace(&self, spent: Duration) -> f64 {
-        let steps = self.seen.iter().map(|seen| seen + self.frames).sum::<usize>() * self.robots;
+        let steps = self.context_frames.iter().map(|seen| seen + self.frames).sum::<usize>() * self.trajectories;
         1e6 * spent.as_secs_f64() / steps as f64
     }
 
-    /// The analytic solver, for each number of frames seen calibrated on these, where there are any.
+    /// The analytic solver, calibrated anew for each number of frames seen.
     fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
         let (mut reports, mut seconds, mut timed) = (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
-        for seen in &self.seen {
+        for seen in &self.context_frames {
             let begun = Instant::now();
             let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
-            let threads = rayon::current_num_threads().min(self.robots);
-            seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.robots as f64);
+            let threads = rayon::current_num_threads().min(self.trajectories);
+            seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.trajectories as f64);
             reports.push(fitted.map(|pieces| pieces.compare(&mut timed)).transpose()?);
         }
         let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
@@ -160,7 +162,7 @@ impl Family {
     }
 
     fn table(&self, system: &System, rows: &[Row]) -> Table {
-        let shown: Vec<String> = self.seen.iter().map(|seen| format!("{seen} seen")).collect();
+        let shown: Vec<String> = self.context_frames.iter().map(|seen| format!("{seen} seen")).collect();
         let header = [
             &["solver"],
             &shown.iter().map(String::as_str).collect::<Vec<_>>()[..],
@@ -169,7 +171,7 @@ impl Family {
         .concat();
         let cells = rows.iter().map(|row| {
             let bounded = |[error, spread]: [f64; 2]| format!("{} ± {}", digits(error), digits(spread));
-            let errors = (0..self.seen.len()).map(|k| or_dash(row.error(k).map(bounded)));
+            let errors = (0..self.context_frames.len()).map(|k| or_dash(row.error(k).map(bounded)));
             let last = row.reports.iter().flatten().next_back();
             let rest = [
                 or_dash(last.map(|last| pair(&summary(system, &last.error)))),
@@ -184,10 +186,10 @@ impl Family {
              standard error of one; by the frames that a solver was shown before. By quantity at the last: {}. Told: what was drawn, but for \
              ripples. Torques are {} times those of the training data, held for {} frames at most.",
             self.frames,
-            self.robots,
+            self.trajectories,
             self.robot,
             summary_names(system).join(" / "),
-            self.drive,
+            self.torque_scale,
             self.hold
         ))
     }
@@ -195,7 +197,7 @@ impl Family {
     fn figure(&self, rows: &[Row]) -> Figure {
         let line = |row: &Row| {
             let point = |(k, seen): (usize, &usize)| Some((*seen.max(&1) as f64, row.error(k)?[0]));
-            Series::new(row.of.clone(), Style::Line, self.seen.iter().enumerate().filter_map(point))
+            Series::new(row.of.clone(), Style::Line, self.context_frames.iter().enumerate().filter_map(point))
         };
         let series = rows.iter().map(line).collect();
         let panel = Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };
@@ -206,13 +208,13 @@ impl Family {
 impl Experiment for Family {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
-        bounds::once("--seen", &self.seen.iter().map(ToString::to_string).collect::<Vec<_>>())?;
-        unused(&[("--device", self.device != Device::Cpu && self.models.is_empty())], "without models")?;
+        bounds::once("--context-frames", &self.context_frames.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        unused(&[("--device", self.device != Device::Cpu && self.model.is_empty())], "without models")?;
         inputs.add(Input::robot(&*self.system()?));
-        for folder in &self.models {
+        for folder in &self.model {
             inputs.add(Input::model(folder)?);
         }
-        let effort = (self.robots * self.frames * self.seen.len()) as f64;
+        let effort = (self.trajectories * self.frames * self.context_frames.len()) as f64;
         Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 

@@ -1,8 +1,8 @@
-//! Errors of contact points along unseen motions in new scenes, and the cost of a frame.
+//! Errors of contact points along unseen motions in new scenes, and the time of a frame.
 //!
-//! Starts, scenes and torques are drawn as for a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
-//! the implicit step with four times as many substeps as the finest solver here. An error is the mean distance (m) of contact points, which
-//! are a cable's nodes, from those of the reference. Time and error come from the same frames.
+//! Starts, scenes and torques are drawn as for a data set ([`nerd_sim::dataset::begin`]), from another seed. The
+//! reference is the implicit step with four times the finest solver's substeps. An error is the mean distance (m) of
+//! contact points (a cable's nodes) from the reference. Time and error come from the same frames.
 
 mod rollout;
 mod shown;
@@ -12,22 +12,23 @@ use nerd_sim::instruments::{Glide, Hold};
 use rayon::prelude::*;
 use rollout::{Recorded, Rollout, contact_points, distances};
 
-use crate::{choice::describe, prelude::*};
+use crate::{describe::title, prelude::*};
 use nerd_train::cost::{on_one_core, powers};
 
 settings! {
-    /// Along motions that no solver has seen.
+    /// Settings: errors along motions that no solver has seen.
     pub struct Motions {
-        /// Robot: a name, or the path of a .urdf or MJCF (.xml) or .toml
+        /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable
+        /// .toml
         robot: String = "nerd-sim/assets/cables/lead-pegs.toml".into(), Text;
         /// Folders of models, comma-separated [default: none]
         model: Vec<PathBuf> = Vec::new(), Texts;
-        /// Motions
-        starts: usize = 32, Whole(STARTS);
-        /// Frames of each
+        /// Number of motions
+        trajectories: usize = 32, Whole(STARTS);
+        /// Frames of a motion
         frames: usize = 300, Whole(FRAMES);
-        /// Largest number of substeps
-        substeps: usize = 16, Whole(1..=256);
+        /// Largest number of substeps per frame
+        max_substeps: usize = 16, Whole(1..=256);
         /// Seed of the motions
         seed: u64 = 500, Whole(SEEDS);
     }
@@ -44,13 +45,13 @@ pub struct MotionErrors {
 pub struct Row {
     pub series: String,
     pub substeps: Option<usize>,
-    /// A frame of one environment on one core; None for a predictor that knows no dynamics.
+    /// Time of a frame of one environment on one core; `None` for a predictor without dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) of motions that are not lost, by frame; empty if all are lost.
+    /// Mean distance (m) by frame, over motions that are not lost; empty if all are lost.
     pub curve: Vec<f64>,
     /// Mean distance (m) of each motion that is not lost.
     pub motions: Vec<f64>,
-    /// Motions that the solver could not continue, or that went too far; no other figure counts them.
+    /// Motions that the solver could not continue, or that went too far; excluded from all other figures.
     pub lost: usize,
 }
 
@@ -60,8 +61,8 @@ impl Motions {
     }
 
     /// What is compared with the reference, beside two predictors that know no dynamics.
-    fn settings(&self) -> Vec<Setting> {
-        powers(self.substeps).map(Setting::Implicit).chain(self.model.iter().cloned().map(Setting::Neural)).collect()
+    fn settings(&self) -> Vec<SolverSpec> {
+        powers(self.max_substeps).map(SolverSpec::implicit).chain(self.model.iter().cloned().map(SolverSpec::neural)).collect()
     }
 
     pub fn errors(&self) -> Result<MotionErrors> {
@@ -69,11 +70,11 @@ impl Motions {
         if system.robot.contact_points.is_empty() {
             bail!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
         }
-        let (settings, finest) = (self.settings(), 4 * self.substeps);
-        bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
-        bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", finest)])?;
+        let (settings, finest) = (self.settings(), 4 * self.max_substeps);
+        bounds::memory(&[("--trajectories", self.trajectories), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
+        bounds::time(&[("--trajectories", self.trajectories), ("--frames", self.frames), ("4 x --max-substeps", finest)])?;
         // A model of another robot is refused before the reference is made.
-        let solvers = settings.iter().map(|setting| setting.solver(&system)).collect::<Result<Vec<_>, _>>()?;
+        let solvers = settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
         let bar = progress::bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         let recorded = self.record(&system, finest)?;
@@ -82,7 +83,7 @@ impl Motions {
             for (setting, solver) in settings.iter().zip(solvers) {
                 bar.add(1);
                 let series = match setting {
-                    Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
+                    spec if spec.folder().is_some() => title(spec)?,
                     other => other.series().to_string(),
                 };
                 rows.push(Row::new(&series, Some(setting), recorded.roll_out(solver)?, &recorded)?);
@@ -98,10 +99,10 @@ impl Motions {
     }
 
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
-        let (starts, frames) = (self.starts, self.frames);
+        let (starts, frames) = (self.trajectories, self.frames);
         let config = GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };
         // One by one: a batch of a few motions would keep a core or two busy.
-        let one = |env: usize| Ok(record(system, &mut *Setting::Implicit(substeps).solver(system)?, &config, env as u64, 1)?);
+        let one = |env: usize| Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?);
         let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
         let (d, mut data) = (system.robot.state_dim(), Data::new(&system.robot));
         let mut points = |frame: usize, own: &Recording| contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data);
@@ -116,10 +117,10 @@ impl Motions {
 
 impl Row {
     /// `setting` is None for a predictor that knows no dynamics.
-    fn new(series: &str, setting: Option<&Setting>, rollout: Rollout, recorded: &Recorded) -> Result<Self> {
+    fn new(series: &str, setting: Option<&SolverSpec>, rollout: Rollout, recorded: &Recorded) -> Result<Self> {
         let (curve, motions) = distances(&rollout.points, &recorded.points, &rollout.failed, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        let (lost, substeps) = (rollout.failed.len() - motions.len(), setting.and_then(Setting::substeps));
+        let (lost, substeps) = (rollout.failed.len() - motions.len(), setting.and_then(SolverSpec::asked));
         Ok(Self { series: series.into(), substeps, microseconds: setting.map(|_| rollout.microseconds), curve, motions, lost })
     }
 }
@@ -128,9 +129,9 @@ impl Experiment for Motions {
     fn about(&self) -> Result<About> {
         let system = System::named(&self.robot)?;
         let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
-        let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &Setting::Implicit(4))?]);
+        let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &SolverSpec::implicit(4))?]);
         self.model.iter().try_for_each(|model| Input::model(model).map(|model| inputs.add(model)))?;
-        let effort = ((self.settings().len() + 2) * self.starts * self.frames) as f64;
+        let effort = ((self.settings().len() + 2) * self.trajectories * self.frames) as f64;
         Ok(About { name: self.name(), seed: self.seed, effort, inputs })
     }
 

@@ -1,16 +1,16 @@
-//! Rolls solvers out along recorded motions, and compares their contact points with the recorded ones.
+//! Rolls solvers out along recorded motions and compares contact points with the recorded ones.
 
 use nerd_train::cost::each;
 
 use crate::prelude::*;
 
-/// A motion is lost if its points are this many times as far from the recorded ones as those ever are from the origin.
+/// A motion is lost if its error exceeds this factor times the largest recorded distance from the origin.
 const FAR: f64 = 10.0;
 
 /// Contact points (m, world): `[frame][motion][point]`.
 pub type Points = Vec<Vec<Vec<Vector3<f64>>>>;
 
-/// Motions of the reference, and how solvers follow them.
+/// Motions of the reference.
 pub struct Recorded {
     /// An environment for each motion, at its start and in its scene.
     pub start: Batch,
@@ -22,16 +22,16 @@ pub struct Recorded {
 
 pub struct Rollout {
     pub points: Points,
-    /// A frame of one environment.
+    /// Time of a frame of one environment.
     pub microseconds: f64,
-    /// By motion, whether the solver could not continue it.
+    /// Whether the solver could not continue, by motion.
     pub failed: Vec<bool>,
 }
 
 impl Recorded {
     pub fn roll_out(&self, mut solver: Box<dyn Solver>) -> Result<Rollout> {
         let (mut batch, robot, n) = (self.start.clone(), &self.start.system.robot, self.start.len());
-        // The first frame allocates what all others need, so it is rolled once untimed.
+        // An untimed first frame: it allocates memory for all others.
         if let Err(error) = solver.step(&mut batch.clone(), &self.torques_of(0)) {
             error.faults()?;
         }
@@ -46,7 +46,7 @@ impl Recorded {
             if let Err(error) = stepped {
                 for fault in error.faults()? {
                     failed[fault.env] = true;
-                    // It starts again, so that a frame costs as much as before, and does not count.
+                    // Restarted so that the frame costs as much as before; the motion no longer counts.
                     batch.reset(fault.env, self.start.state(fault.env));
                     solver.reset(fault.env);
                 }
@@ -68,8 +68,8 @@ pub fn contact_points(robot: &Robot, state: &[f64], data: &mut Data) -> Vec<Vect
     robot.contact_points.iter().map(|p| point_position(data, p.link, &p.local)).collect()
 }
 
-/// Mean distance (m) by frame, and by motion, of all that are not lost. A motion is lost if the solver failed in it or, where
-/// `solves`, if it went too far: a predictor that knows no dynamics may go anywhere.
+/// Mean distance (m) by frame, and by motion, over motions that are not lost. A motion is lost if the solver failed or,
+/// with `solves`, if it went too far; a predictor without dynamics may go anywhere.
 pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
     let distance = |frame: usize, env: usize| {
         let pairs = points[frame][env].iter().zip(&recorded[frame][env]);
@@ -88,7 +88,7 @@ pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bo
 mod tests {
     use super::*;
 
-    /// Three motions of one point over two frames, of which the solver loses one, and one leaves for a moment.
+    /// Three motions of one point over two frames: the solver loses one, and another leaves for one frame.
     #[test]
     fn what_is_lost_is_in_no_mean() {
         let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];

@@ -1,4 +1,4 @@
-//! Tables and pictures of errors along motions.
+//! Table and figure of errors along motions.
 
 use super::{MotionErrors, Motions};
 use crate::prelude::*;
@@ -26,7 +26,7 @@ impl Motions {
         let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
         let note = format!(
             "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
-            data.robot, self.frames, self.starts, data.reference
+            data.robot, self.frames, self.trajectories, data.reference
         );
         let lost: usize = data.rows.iter().map(|row| row.lost).sum();
         let left =
@@ -42,7 +42,7 @@ impl Motions {
         let mut levels: Vec<(f64, String)> = Vec::new();
         for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
             let error = mean(&row.motions);
-            // What starts at rest stays where it is at constant velocity, too.
+            // For motions from rest both predictors agree, so they share a line.
             match levels.iter_mut().find(|(other, _)| (other / error - 1.0).abs() < 0.02) {
                 Some((_, name)) => *name += &format!(", {}", row.series),
                 None => levels.push((error, row.series.clone())),

@@ -1,9 +1,9 @@
-//! Passive motion: how far solvers drift from the truth, and a model from its own.
+//! Passive motion: drift of a solver from the truth, and of a model from its own truth.
 //!
-//! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law, without
-//! torques; beside it the floor `hold`, the paper's figure and the count of diverged rollouts. A paper-size
-//! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
-//! streams.
+//! Errors are the mean absolute difference of each coordinate over all steps and trajectories, from the robot's reset
+//! distribution without torques. Beside them stand the floor `hold` (repeating the start), the paper's figure and the
+//! number of diverged rollouts. A paper-size network takes about 0.5 ms per environment and frame on two cores, a tenth
+//! if it streams.
 
 mod recorded;
 mod rows;
@@ -11,41 +11,48 @@ mod rows;
 use nerd_sim::instruments::Shaken;
 use nerd_train::verdict::{Verdict, verdict};
 
-use crate::{choice::Choice, error::unused, paper, prelude::*};
+use crate::{
+    describe::{bytes, title},
+    error::unused,
+    paper,
+    prelude::*,
+};
 
 pub use recorded::Recorded;
 pub use rows::{Row, Rows, unworthy};
 
 settings! {
-    /// How passive motion is measured.
+    /// Settings of passive motion.
     pub struct Protocol {
-        /// Scenes, comma-separated [default: all of the robot's]
+        /// Scenes, comma-separated [default: the scene of the robot's training data, else all of its own scenes]
         scene: Vec<String> = Vec::new(), Texts;
-        /// Trajectories (the paper: 2048)
-        starts: usize = 256, Whole(STARTS);
-        /// Frames [default: the paper's, 1000 for Cartpole, 100 for the pendulum]
+        /// Number of trajectories (the paper: 2048); with --data at most this many rollouts
+        trajectories: usize = 256, Whole(STARTS);
+        /// Frames of a trajectory [default: as in the paper, 1000 for cartpole, 500 for ant and anymal, else 100]
         frames: Option<usize> = None, Whole(FRAMES);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Factor on the random torques of the training data, instead of passive motion
-        drive: f64 = 0.0, Number(0.0..=1e3);
-        /// Noise (rad/s or m/s) on all velocities after every frame of the solver. With the truth itself as the solver, this shows how far
-        /// the motion's own sensitivity drives small differences apart
-        shake: f64 = 0.0, Number(0.0..=1e3);
-        /// Starts from which a model is judged beside its base alone, a linear map and the analytic solver, on one core of the CPU; 0: it
-        /// is not judged
+        /// Factor on random torques, drawn as in the training data. With 0, motion is passive
+        torque_scale: f64 = 0.0, Number(0.0..=1e3);
+        /// Standard deviation (rad/s or m/s) of normal noise on all velocities after every frame of the solver. With
+        /// the truth as the solver, this shows how much the motion itself amplifies small differences
+        velocity_noise: f64 = 0.0, Number(0.0..=1e3);
+        /// Trajectories on which a model is compared with its base alone, a linear map and the analytic solver. The
+        /// comparison runs on one CPU core; 0 skips it
         verdict: usize = 32, Whole(0..=*STARTS.end());
-        /// Recorded motion to compare a model with, in place of a solver: the TOML of a log, or its folder (`log.toml`). Of the log that it
-        /// learned, the part that was held out
+        /// Recorded motion to compare a model with: a log's TOML, or a folder with `log.toml`. Only its held-out
+        /// trajectories are used [default: simulated motion]
         data: Option<PathBuf> = None, Text;
-        /// With --data: frames that a model sees before each start [default: as many as its predictions depend on]
-        before: Option<usize> = None, Whole(0..=*FRAMES.end());
+        /// With --data: frames that a model sees before each rollout [default: as many as a prediction depends on]
+        context_frames: Option<usize> = None, Whole(0..=*FRAMES.end());
         /// With --data: frames between starts [default: those of a rollout]
         every: Option<usize> = None, Whole(FRAMES);
-        /// With --data: another log (its TOML or folder) whose trajectories begin at frames of held-out ones and continue them by another
-        /// simulator or by other steps. The model is judged from these starts, with that log beside it
+        /// With --data: a second log (its TOML or folder), by another simulator or with other steps. Its trajectories
+        /// begin at frames of held-out trajectories, and rollouts start there. Its errors are listed beside the model's
+        /// [default: none]
         beside: Option<PathBuf> = None, Text;
-        /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged only as the robot is described
+        /// With --data: evaluations of the objective that calibrates the analytic solver. With 0, only the solver as
+        /// described is compared
         evaluations: usize = 300, Whole(0..=1_000_000);
     }
 }
@@ -53,14 +60,14 @@ settings! {
 #[derive(Clone, Debug)]
 pub struct Case {
     pub robot: String,
-    pub solver: Choice,
+    pub solver: SolverSpec,
     /// What it is compared with; none stands for what a model learned, else the robot's own.
     pub truth: Option<Truth>,
     pub asked: Protocol,
 }
 
 impl Case {
-    /// The models that come with the project, by robot.
+    /// Cases of all shipped models, ordered by robot.
     pub fn shipped(asked: &Protocol, device: Device) -> Result<Vec<Self>> {
         let mut models = Vec::new();
         for folder in shipped::folders(&shipped::models(), "")? {
@@ -74,11 +81,12 @@ impl Case {
         models.sort();
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
             let mut asked = asked.clone();
-            // rapier as a truth costs a hundred times what ours does.
-            asked.starts = if ModelConfig::truth_of(&folder)? == Truth::Rapier { asked.starts.div_ceil(4) } else { asked.starts };
-            // A held arm does not move: Franka's model is for driven ones.
-            asked.drive = if robot.starts_with("franka") { 1.0 } else { asked.drive };
-            Ok(Self { robot, solver: Choice::Neural { folder, truth: None, device }, truth: None, asked })
+            // rapier as a truth costs a hundred times as much as ours.
+            asked.trajectories =
+                if ModelConfig::truth_of(&folder)? == Truth::Rapier { asked.trajectories.div_ceil(4) } else { asked.trajectories };
+            // Franka holds still without torques, so its model is tested under random ones.
+            asked.torque_scale = if robot.starts_with("franka") { 1.0 } else { asked.torque_scale };
+            Ok(Self { robot, solver: SolverSpec::neural(folder).on(device), truth: None, asked })
         };
         models.into_iter().map(case).collect()
     }
@@ -90,7 +98,7 @@ pub struct Passive {
     asked: Vec<Asked>,
 }
 
-/// A case in one scene, with all that it names found.
+/// A case in one scene, with its names resolved.
 struct Asked {
     case: Case,
     system: Arc<System>,
@@ -101,14 +109,15 @@ struct Asked {
 }
 
 impl Passive {
-    /// Finds all that the cases, of one seed, name; a result called `name`.
+    /// Resolves all names of the cases, which share one seed, into a result called `name`.
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            let Protocol { starts, frames, seed, drive, before, every, beside, evaluations, .. } = case.asked.clone();
+            let Protocol { trajectories: starts, frames, seed, torque_scale, context_frames, every, beside, evaluations, .. } =
+                case.asked.clone();
             let evaluated = evaluations != Protocol::default().evaluations;
             let idle = [
-                ("--before", before.is_some()),
+                ("--context-frames", context_frames.is_some()),
                 ("--every", every.is_some()),
                 ("--beside", beside.is_some()),
                 ("--evaluations", evaluated),
@@ -119,16 +128,17 @@ impl Passive {
             if scenes.is_empty() {
                 scenes = system.usual_scenes();
             }
-            let truth = case.truth.or(case.solver.learned()?).unwrap_or(system.spec.truth);
+            let learned = case.solver.folder().map(ModelConfig::truth_of).transpose()?;
+            let truth = case.truth.or(learned).unwrap_or(system.spec.truth);
             let steps = frames.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
-            let action = match drive {
+            let action = match torque_scale {
                 0.0 => Action::Zero,
                 factor => Action::Random(factor),
             };
             let protocol = PassiveConfig { starts, steps, seed, action };
-            let method = match case.asked.shake {
-                0.0 => case.solver.title(&system)?,
-                by => format!("{}, shaken by {by}", case.solver.title(&system)?),
+            let method = match case.asked.velocity_noise {
+                0.0 => title(&case.solver)?,
+                by => format!("{}, shaken by {by}", title(&case.solver)?),
             };
             let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
             for scene in found {
@@ -144,12 +154,21 @@ impl Passive {
         let (mut done, mut rows) = (0, Vec::new());
         for asked in &self.asked {
             bar.say(&format!("{} in {}", asked.system.name, asked.scene.name));
-            rows.push(asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?);
+            let row = asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?;
+            if row.report.error.iter().all(|error| *error == 0.0) {
+                let (method, truth) = (&row.method, &row.truth);
+                tell!(
+                    "note: `{method}` moves {} in {} as `{truth}` to the bit: nothing that its settings change acts there",
+                    row.robot,
+                    row.scene
+                );
+            }
+            rows.push(row);
             done += asked.work();
         }
         bar.finish();
         for (asked, row) in self.asked.iter().zip(&mut rows) {
-            // The rows are worth keeping without it.
+            // Keeps the rows if a verdict fails.
             row.verdict = asked.verdict().unwrap_or_else(|error| {
                 nerd_train::tell!("{}: no verdict: {error:#}", asked.system.name);
                 None
@@ -159,46 +178,48 @@ impl Passive {
     }
 }
 
-/// Refuses what says nothing, and what is more than can be borne.
+/// Refuses a comparison of a solver with itself, and more work or memory than allowed.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
-    let (itself, Protocol { starts, shake, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
-    if itself && shake == 0.0 {
+    let itself = case.solver.moves_as(&truth.into(), system, scene);
+    let Protocol { trajectories, velocity_noise, .. } = case.asked;
+    if itself && velocity_noise == 0.0 {
         bail!(
-            "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --substeps or --shake",
+            "`{}` against itself is 0 everywhere; name what to measure: --solver neural, rapier or articulated(substeps=N), \
+             or --velocity-noise",
             truth.name()
         );
     }
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
-    let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
-    bounds::memory(&[("--starts", starts)], bytes)?;
-    let substeps = case.solver.substeps().max(system.spec.substeps);
-    Ok(bounds::time(&[("--starts", starts), ("--frames", steps), ("substeps", substeps)])?)
+    let bytes = bytes(&case.solver)?.saturating_add(1024 * system.robot.state_dim());
+    bounds::memory(&[("--trajectories", trajectories)], bytes)?;
+    let substeps = case.solver.substeps(system).max(system.spec.substeps);
+    Ok(bounds::time(&[("--trajectories", trajectories), ("--frames", steps), ("substeps", substeps)])?)
 }
 
 impl Asked {
     fn measure(&self, progress: &mut dyn FnMut(usize)) -> Result<Row> {
         let Self { case, system, scene, truth, method, protocol } = self;
-        let mut solver = case.solver.build(system, protocol.starts)?;
-        if case.asked.shake > 0.0 {
-            solver = Box::new(Shaken::new(solver, case.asked.shake, protocol.seed));
+        let mut solver = case.solver.solver(system, protocol.starts)?;
+        if case.asked.velocity_noise > 0.0 {
+            solver = Box::new(Shaken::new(solver, case.asked.velocity_noise, protocol.seed));
         }
         let report = passive(system, scene, &mut *truth.solver(system), &mut *solver, *protocol, progress)?;
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
         bounds::figures(&whose("hold-last error"), &report.hold)?;
         let (robot, scene) = (system.name.clone(), scene.name.clone());
-        // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
+        // The paper's errors are against the reference simulator, so they appear beside that truth only.
         let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper);
-        let model = if let Choice::Neural { folder, .. } = &case.solver { Some(shipped::from_root(folder)) } else { None };
+        let model = case.solver.folder().map(shipped::from_root);
         Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper, verdict: None })
     }
 
-    /// What a model is worth, as it is and not shaken, beside the truth that it learned.
+    /// The model's verdict against its own truth; `None` for perturbed solvers and other truths.
     fn verdict(&self) -> Result<Option<Verdict>> {
         let Self { case, system, scene, truth, protocol, .. } = self;
-        let Choice::Neural { folder, .. } = &case.solver else { return Ok(None) };
+        let Some(folder) = case.solver.folder() else { return Ok(None) };
         let model = Model::load(folder, system, None)?;
-        if case.asked.verdict == 0 || case.asked.shake > 0.0 || model.config.truth != truth.name() {
+        if case.asked.verdict == 0 || case.asked.velocity_noise > 0.0 || model.config.truth != truth.name() {
             return Ok(None);
         }
         let protocol = PassiveConfig { starts: protocol.starts.min(case.asked.verdict), ..*protocol };

@@ -1,4 +1,4 @@
-//! A model of recorded motion beside trajectories that it did not learn from.
+//! A model of recorded motion, compared with held-out trajectories.
 
 use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured as Log;
@@ -10,7 +10,7 @@ use super::Protocol;
 use crate::experiments::card;
 use crate::{error::unused, prelude::*};
 
-/// Environments that are stepped together on a GPU.
+/// Environments stepped together on a GPU.
 #[cfg(feature = "cuda")]
 const TOGETHER: usize = 8192;
 
@@ -20,7 +20,7 @@ pub struct Recorded {
     asked: Protocol,
     log: Log,
     model: Model,
-    /// Whether it is timed on a GPU, too.
+    /// Whether to time the model on a GPU too.
     #[cfg(feature = "cuda")]
     card: bool,
 }
@@ -29,13 +29,13 @@ pub struct Recorded {
 pub struct Found {
     #[serde(flatten)]
     verdict: Verdict,
-    /// The model on a GPU, by arithmetic; time is per frame of one environment among many.
+    /// The model on a GPU, by number format; time is per frame of one environment among many.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     card: Vec<Row>,
 }
 
 impl Recorded {
-    /// The model in a folder and the log that `asked` names; with `card` the model is timed on a GPU, too.
+    /// The model in a folder and the log at `path`; with `card` the model is also timed on a GPU.
     pub fn new(name: &str, path: &Path, folder: &Path, asked: &Protocol, card: bool) -> Result<Self> {
         if card && !cfg!(feature = "cuda") {
             bail!("--device cuda needs a build with `--features cuda`");
@@ -44,8 +44,8 @@ impl Recorded {
         let Some(path) = Log::path(path) else { bail!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display()) };
         let idle = [
             ("--scene", !asked.scene.is_empty()),
-            ("--drive", asked.drive != usual.drive),
-            ("--shake", asked.shake != usual.shake),
+            ("--torque-scale", asked.torque_scale != usual.torque_scale),
+            ("--velocity-noise", asked.velocity_noise != usual.velocity_noise),
             ("--seed", asked.seed != usual.seed),
             ("--verdict", asked.verdict != usual.verdict),
         ];
@@ -68,13 +68,13 @@ impl Recorded {
     pub fn found(&self) -> Result<Found> {
         let Self { asked, log, model, .. } = self;
         let usual = log.rollouts(&log.held_out, &model.config.network, 1)?;
-        let (before, frames) = (asked.before.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
+        let (before, frames) = (asked.context_frames.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
         let (pieces, beside) = match &asked.beside {
-            None => (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.starts)?, None),
+            None => (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.trajectories)?, None),
             Some(path) => {
                 let Some(path) = Log::path(path) else { bail!("--beside {}: name the TOML of a log, or its folder", path.display()) };
                 let other = nerd_sim::log::Log::read(&path, None)?;
-                let (pieces, states) = log.beside(&other, before, asked.frames, asked.starts)?;
+                let (pieces, states) = log.beside(&other, before, asked.frames, asked.trajectories)?;
                 let of = other.about.unwrap_or_else(|| Log::name(&path));
                 (pieces, Some(Beside { of, states, microseconds: other.cost.unwrap_or(0.0) }))
             }
@@ -97,7 +97,7 @@ impl Recorded {
 
     #[cfg(feature = "cuda")]
     fn on_card(&self, pieces: &Pieces) -> Result<Vec<Row>> {
-        let (setting, system) = (Setting::Neural(self.folder.clone()), &pieces.system);
+        let (setting, system) = (SolverSpec::neural(&self.folder), &pieces.system);
         let mut begun = Batch::new(system, &pieces.scenes[0], pieces.count());
         begun.states.copy_from_slice(&pieces.states[pieces.before]);
         let row = |(precision, word): &(_, &str)| {
@@ -138,7 +138,7 @@ impl Experiment for Recorded {
         let mut inputs = Inputs::default();
         inputs.add(Input::Data { name: self.log.truth.clone(), sha256: self.log.sha256.clone() });
         inputs.add(Input::model(&self.folder)?);
-        let effort = (self.asked.starts * self.asked.frames.unwrap_or(1)) as f64;
+        let effort = (self.asked.trajectories * self.asked.frames.unwrap_or(1)) as f64;
         Ok(About { name: self.name.clone(), seed: 0, effort, inputs })
     }
 

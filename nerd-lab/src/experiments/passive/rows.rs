@@ -1,4 +1,4 @@
-//! Results of passive motion, their tables, and whether the models that ship have earned their places ([`Verdict`]).
+//! Results of passive motion, their tables, and whether shipped models are worth their networks ([`Verdict`]).
 
 use nerd_model::transformer::Architecture;
 use nerd_train::evaluate::{quantities, summary, summary_names};
@@ -15,7 +15,7 @@ pub struct Rows {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub robot: String,
-    /// Solver, of a learned one form and size.
+    /// Solver; for a model, its form and size.
     pub method: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
@@ -23,9 +23,9 @@ pub struct Row {
     pub truth: String,
     pub protocol: PassiveConfig,
     pub report: PassiveReport,
-    /// What the paper says, whose truth is `articulated`.
+    /// Published errors, for the reference simulator's preset alone.
     pub paper: Option<Vec<f64>>,
-    /// What a model is worth, from the first of the starts.
+    /// The model's verdict, from the first of the starts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
 }
@@ -55,7 +55,7 @@ impl Rows {
         )
     }
 
-    /// What the models are worth, where that was asked; a table and a line each.
+    /// Verdicts of the models, if there are any: a table, and a line for each.
     pub fn verdicts(&self) -> Option<Table> {
         let verdicts: Vec<&Verdict> = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect();
         let first = verdicts.first()?;
@@ -76,7 +76,7 @@ impl Rows {
         Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))
     }
 
-    /// The model meant where none is named, of each robot and truth; of a robot's grounds the one with the largest error.
+    /// The default model of each robot and truth; of a robot's grounds the one with the largest error.
     pub fn summary(&self) -> Table {
         let usual = |r: &&Row| {
             let default = |truth: Truth| shipped::from_root(&shipped::model(truth, &r.robot));
@@ -106,7 +106,7 @@ impl Rows {
             .with(lines)
     }
 
-    /// How the error of a robot's models grows, a line for each scene; `None` if the robot has no rows.
+    /// Error over frames, a line for each of the robot's rows; `None` if there are none.
     pub fn growth(&self, robot: &str) -> Option<Figure> {
         let rows = self.rows.iter().filter(|row| row.robot == robot);
         let line = |row: &Row| {
@@ -118,7 +118,7 @@ impl Rows {
         (!series.is_empty()).then(|| Figure::single(format!("{robot}: passive motion"), Panel { series, ..panel }))
     }
 
-    /// How far these errors are from another measurement of the same, in words; none if nothing is the same.
+    /// Agreement with another measurement of the same rows, in words; `None` if no row is in both.
     pub fn agreement(&self, other: &Self) -> Option<String> {
         let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));
         let apart: Vec<(f64, &Row)> = pairs.map(|(a, b)| (a.apart(b), a)).collect();
@@ -130,7 +130,7 @@ impl Rows {
 }
 
 impl Row {
-    /// Whether both are of the same model in the same scene, driven alike.
+    /// Whether both rows measure the same model in the same scene, under the same torques.
     fn measures(&self, other: &Self) -> bool {
         let what = |r: &Self| {
             (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.protocol.action.to_string())
@@ -138,7 +138,7 @@ impl Row {
         what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
     }
 
-    /// The largest difference of their errors, in standard errors of both.
+    /// Largest difference of the errors, in combined standard errors.
     fn apart(&self, other: &Self) -> f64 {
         let (a, b) = (&self.report, &other.report);
         let each = a.error.iter().zip(&b.error).zip(a.standard_error.iter().zip(&b.standard_error));
@@ -153,7 +153,7 @@ impl Row {
         self.system().map_or_else(|| figures.to_vec(), |system| summary(&system, figures))
     }
 
-    /// The built-in robot that it is of; a file of somebody's may have that one's name.
+    /// The built-in robot with this name, if its quantities match; a user's file may have the same name.
     fn system(&self) -> Option<Arc<System>> {
         System::named(&self.robot).ok().filter(|system| quantities(system).len() == self.report.error.len())
     }
@@ -175,8 +175,8 @@ impl Row {
     }
 }
 
-/// A line for each model in a folder that no result, or one of its scenes, shows to be worth its network. Models of the reference simulator
-/// are as the paper has them, and cables have no linear map: both are left out.
+/// A line for each shipped model without a verdict, or with a scene in which it is not worth its network. Models of the
+/// reference simulator (taken as in the paper) and cables (no linear map) are left out.
 pub fn unworthy(manifest: &Manifest, results: &Path, models: &Path) -> Result<Vec<String>> {
     let measured = manifest.artefact.iter().filter_map(|entry| Artifact::read(results, &entry.name).ok());
     let measured: Vec<(Artifact, Rows)> = measured.filter_map(|a| a.parse().ok().map(|rows| (a, rows))).collect();

@@ -1,4 +1,4 @@
-//! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it, and all are played in it and in its
+//! The strict protocol: policies with new seeds are trained in a frozen model. All are played in the model and in its
 //! truth.
 
 use nerd_train::ppo::{PolicyRun, folder};
@@ -9,15 +9,15 @@ use crate::{paper::policy_reward, prelude::*};
 impl Policies {
     fn plan(&self) -> Result<Vec<PolicyRun>> {
         if !self.policy.is_empty() {
-            bail!("--fresh trains its own policies: leave --policy out");
+            bail!("--fresh-seeds trains its own policies: leave --policy out");
         }
         let known = nerd_tasks::names().into_iter().filter(|task| policy_reward(task).is_some());
         let tasks = if self.task.is_empty() { known.map(String::from).collect() } else { self.task.clone() };
         let mut runs = Vec::new();
         for task in tasks {
-            let arena = Arena::Model { folder: self.host(&task)?.0, device: self.device };
+            let arena = Arena::Solver(SolverSpec::neural(self.host(&task)?.0).on(self.device));
             let config = arena.settings(&task, Some(&self.recipe), None)?;
-            for seed in &self.fresh {
+            for seed in &self.fresh_seeds {
                 let out = self.runs.join(format!("{}-neural-{seed}", nerd_tasks::word(&task)));
                 let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
                 runs.push(PolicyRun { task, arena, config, seed: *seed, minutes: self.minutes, out });
@@ -26,14 +26,14 @@ impl Policies {
         Ok(runs)
     }
 
-    /// How many policies the protocol has, and what it depends on: they are its own.
+    /// Number of policies of the protocol, and their inputs.
     pub(super) fn frozen(&self) -> Result<(usize, Inputs)> {
         let (runs, mut inputs) = (self.plan()?, Inputs::default());
         runs.iter().try_for_each(|run| self.played(&run.task, true, &mut inputs))?;
         Ok((runs.len(), inputs))
     }
 
-    /// Folders of all policies, trained now unless they are there.
+    /// Folders of all policies; missing ones are trained.
     pub(super) fn train(&self) -> Result<Vec<PathBuf>> {
         let runs = self.plan()?;
         for (k, run) in runs.iter().enumerate() {
@@ -49,7 +49,7 @@ impl Policies {
     }
 }
 
-/// Whether a run's policy is there, of these settings and this very arena.
+/// Whether the run's policy is complete. An error if it has other settings or another arena.
 fn done(run: &PolicyRun) -> Result<bool> {
     let path = run.out.join("policy");
     if !path.join("config.json").exists() {

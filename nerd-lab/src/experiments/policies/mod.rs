@@ -1,5 +1,5 @@
-//! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
-//! beside the paper's figures.
+//! Policies in the truth and in the learned simulator, by the paper's protocol: episodes under mean actions from equal
+//! starts, beside the paper's figures.
 
 use nerd_train::ppo::folder::{self, PolicyConfig};
 use nerd_train::{ppo::Policy, shipped::from_root};
@@ -12,35 +12,38 @@ mod fresh;
 mod tables;
 
 settings! {
-    /// Policies in the truth and in the simulator that learned it.
+    /// Settings: policies in the truth and in the simulator that learned it.
     pub struct Policies {
-        /// Name of the result in --out [default: `policies`; of one policy its own]
+        /// Name of the result in --out [default: the folder's name of a single policy, `fresh` with --fresh-seeds,
+        /// else
+        /// `policies`]
         name: String = String::new(), Text;
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
-        /// The strict protocol: seeds never used before, comma-separated. For each of them and each task a policy is trained in the frozen
-        /// model, unless it is there; then all are played
-        fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With `fresh`: tasks [default: the paper's]
+        /// Seeds never used before, comma-separated, for the strict protocol. For each seed and task a policy is
+        /// trained in the frozen model, unless it exists. Then all of them are evaluated
+        fresh_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
+        /// With --fresh-seeds: tasks, comma-separated [default: the paper's]
         task: Vec<String> = Vec::new(), Texts;
-        /// With `fresh`: settings of PPO, small or paper (full length)
+        /// With --fresh-seeds: settings of PPO, small or paper (full length)
         recipe: String = "small".into(), Words(&["small", "paper"]);
-        /// With `fresh`: folder of the policies' runs; the same command continues
+        /// With --fresh-seeds: folder of the training runs; the same command continues them
         runs: PathBuf = "out/fresh".into(), Text;
-        /// With `fresh`: minutes after which each training stops [default: none]
+        /// With --fresh-seeds: minutes after which each training stops [default: no limit]
         minutes: Option<f64> = None, Positive(nerd_train::bounds::MINUTES);
-        /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it
-        /// learned
+        /// Folder of the learned simulator's model. The truth is the solver that this model learned from [default:
+        /// models/TASK if it exists, else models/ROBOT]
         model: Option<PathBuf> = None, Text;
-        /// Play in the truth alone
+        /// Runs the policies in the truth alone
         truth_only: bool = false, Flag;
-        /// Play on robots of a family in the truth, as `ant-family` or the path of a URDF whose TOML has `[vary]`, a robot a game, and in no model
+        /// Family of robots with drawn parameters, such as `ant-family`, or the path of a URDF whose TOML has `[vary]`.
+        /// Each episode gets another robot, in the truth alone [default: the task's robot]
         family: Option<String> = None, Text;
-        /// Games of each policy (the paper: 2048)
-        games: usize = 2048, Whole(STARTS);
+        /// Episodes of each policy (the paper: 2048)
+        episodes: usize = 2048, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Where the learned simulators are computed, or a family's robots (cpu or cuda)
+        /// Device of the learned simulator, or with --family of the truth: cpu or cuda
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
 }
@@ -57,7 +60,7 @@ impl Policies {
             ("--runs", self.runs != usual.runs),
             ("--minutes", self.minutes.is_some()),
         ];
-        unused(&rest, "without --fresh")?;
+        unused(&rest, "without --fresh-seeds")?;
         if !self.policy.is_empty() {
             return Ok(self.policy.clone());
         }
@@ -68,12 +71,12 @@ impl Policies {
         Ok(found)
     }
 
-    /// Whether nothing is played in a model.
+    /// Whether policies are played in the truth alone.
     fn alone(&self) -> bool {
         self.truth_only || self.family.is_some()
     }
 
-    /// Folder of the model that a task's policies are played in, and the truth that it learned.
+    /// Folder of the model in which a task's policies are played, and the model's truth.
     fn host(&self, task: &str) -> Result<(PathBuf, Truth)> {
         let (folder, there) = match &self.model {
             Some(folder) => (folder.clone(), true),
@@ -86,7 +89,7 @@ impl Policies {
         Ok((folder, truth))
     }
 
-    /// Policies that are played, and what their games depend on.
+    /// Number of the given policies, and the inputs of their episodes.
     fn given(&self) -> Result<(usize, Inputs)> {
         let (folders, mut inputs) = (self.folders()?, Inputs::default());
         for path in &folders {
@@ -96,14 +99,22 @@ impl Policies {
         Ok((folders.len(), inputs))
     }
 
-    /// Adds what a task's games depend on, in the truth and `learned`.
+    /// The truth on the device.
+    fn home(&self, truth: Truth) -> Result<SolverSpec> {
+        if self.device != Device::Cpu && truth == Truth::Rapier {
+            bail!("--device {}: rapier is on the CPU", self.device);
+        }
+        Ok(SolverSpec::from(truth).on(self.device))
+    }
+
+    /// Adds the inputs of a task's episodes: in the truth, and if `learned` in the model.
     fn played(&self, task: &str, learned: bool, inputs: &mut Inputs) -> Result<()> {
         let (model, truth) = self.host(task)?;
         depend(inputs, task, truth)?;
         if let Some(family) = &self.family {
-            let (arena, path) = (Arena::family(task, family, truth, self.device)?, Path::new(family));
+            let (arena, path) = (Arena::family(task, family, self.home(truth)?)?, Path::new(family));
             if path.exists() {
-                // A file of one's own is not found again by a robot's name.
+                // A user's file cannot be found by a robot's name.
                 inputs.add(Input::files(family, &[path.into(), path.with_extension("toml")])?);
             } else {
                 inputs.add(Input::robot(&*System::named(family)?));
@@ -116,7 +127,7 @@ impl Policies {
         Ok(())
     }
 
-    /// Every policy's row and, of tasks for any robot, that of one whose actions are 0.
+    /// A row for every policy, and one of zero actions for each task outside the built-in list.
     fn rows(&self, folders: &[PathBuf]) -> Result<Vec<Row>> {
         let given = folders.iter().map(|path| Ok((folder::load(path)?, [folder::called(path)?, from_root(path)])));
         let mut all = given.collect::<Result<Vec<((PolicyConfig, Policy), [String; 2])>>>()?;
@@ -138,21 +149,28 @@ impl Policies {
     fn row(&self, config: PolicyConfig, policy: &Policy, [called, name]: [String; 2]) -> Result<Row> {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
-        let play = |arena| games(&task, &arena, policy, self.games, self.seed);
-        let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth, self.device))?;
+        let play = |arena| games(&task, &arena, policy, self.episodes, self.seed);
+        let home = match &self.family {
+            Some(family) => Arena::family(&task, family, self.home(truth)?)?,
+            None => truth.into(),
+        };
         let real = play(home.clone())?;
         let own = nerd_tasks::named(&task)?;
-        let (length, (allowed, unit)) = (own.episode_length() as f64, own.allowed());
+        let (length, (tolerance, unit)) = (own.episode_length() as f64, own.tolerance());
         let steps: f64 = real.iter().map(|game| game.length).sum();
         let term = |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
         let terms = own.terms().iter().enumerate().map(term).filter(|(_, mean)| mean.is_finite()).collect();
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
-        let learned = Arena::Model { folder: model.clone(), device: self.device };
+        let learned = Arena::Solver(SolverSpec::neural(&model).on(self.device));
         let learned = if self.alone() { None } else { Some(play(learned)?) };
         let system = own.system()?;
         let bare = system.robot.contact_points.is_empty();
-        let half = if bare { Setting::Rk4(2) } else { Setting::Implicit(system.spec.substeps.div_ceil(2)) };
-        let half = if self.fresh.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Judge(half))?)).gap };
+        let half = if bare {
+            SolverSpec::articulated(nerd_train::spec::Method::Rk4, 2)
+        } else {
+            SolverSpec::implicit(system.spec.substeps.div_ceil(2))
+        };
+        let half = if self.fresh_seeds.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Solver(half))?)).gap };
         Ok(Row {
             half,
             policy: name,
@@ -160,10 +178,10 @@ impl Policies {
             truth: home.title()?,
             fell: (self.family.is_some() || !nerd_tasks::names().contains(&task.as_str())).then_some(fell),
             model: learned.is_some().then(|| from_root(&model)),
-            games: self.games,
+            games: self.episodes,
             rewards: Compared::of(&real, learned.as_deref()),
             terms,
-            allowed: (allowed != 1.0).then(|| (allowed, unit.into())),
+            tolerance: (tolerance != 1.0).then(|| (tolerance, unit.into())),
             task: called,
         })
     }
@@ -171,25 +189,25 @@ impl Policies {
 
 impl Experiment for Policies {
     fn about(&self) -> Result<About> {
-        if self.family.is_some() && !self.fresh.is_empty() {
+        if self.family.is_some() && !self.fresh_seeds.is_empty() {
             bail!("--family means nothing with fresh policies: train them with `cargo xtask policy train --family`");
         }
-        let (policies, inputs) = if self.fresh.is_empty() { self.given()? } else { self.frozen()? };
-        let effort = (self.games * policies * if self.alone() { 1 } else { 2 }) as f64;
+        let (policies, inputs) = if self.fresh_seeds.is_empty() { self.given()? } else { self.frozen()? };
+        let effort = (self.episodes * policies * if self.alone() { 1 } else { 2 }) as f64;
         let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
         let name = match one {
             _ if !self.name.is_empty() => self.name.clone(),
             Some(name) => name.to_string_lossy().into_owned(),
-            None if !self.fresh.is_empty() => "fresh".into(),
+            None if !self.fresh_seeds.is_empty() => "fresh".into(),
             None => "policies".into(),
         };
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
+        let folders = if self.fresh_seeds.is_empty() { self.folders()? } else { self.train()? };
         let rows = self.rows(&folders)?;
-        let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
+        let mut all = if self.fresh_seeds.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));
         all.extend(tables::terms(&rows));
         let measured = Measured::new(&serde_json::json!({ "rows": rows }), all)?;

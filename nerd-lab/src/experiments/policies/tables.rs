@@ -1,4 +1,4 @@
-//! What policies earned, as people read it.
+//! Tables of policy rewards.
 
 use std::path::PathBuf;
 
@@ -22,20 +22,20 @@ pub struct Row {
     pub half: Option<f64>,
     #[serde(flatten)]
     pub rewards: Compared,
-    /// On robots of a family, and of tasks for any robot: share of games that were over before their time.
+    /// Share of episodes that ended early; for families and for tasks outside the built-in list.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fell: Option<f64>,
-    /// How much of the miss is allowed, and its unit.
+    /// The task's tolerance and its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub allowed: Option<(f64, String)>,
-    /// What the reward in the truth is made of: means a step.
+    pub tolerance: Option<(f64, String)>,
+    /// Terms of the reward in the truth, mean per step.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<(String, f64)>,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
 
-/// A gap with its standard error, where that is known.
+/// A gap with its standard error, if known.
 fn percent(gap: f64, error: Option<f64>) -> String {
     match error.filter(|e| e.is_finite()) {
         Some(error) => format!("{gap:+.2} +- {error:.2}"),
@@ -43,7 +43,7 @@ fn percent(gap: f64, error: Option<f64>) -> String {
     }
 }
 
-/// Name of a policy's folder, or of its run where it is the run's own.
+/// Name of a policy's folder; of a run's own `policy` folder, the run's name.
 pub fn short(policy: &str) -> String {
     policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
 }
@@ -82,16 +82,16 @@ pub fn each(rows: &[Row]) -> Table {
             .for_each(|(line, row)| line.extend([share(Some(&row.rewards.real)), share(row.rewards.learned.as_ref())]));
         table.note += " Success: games whose task says that they succeeded.";
     }
-    if rows.iter().any(|r| r.rewards.real.miss.is_some()) {
-        table.header.push("miss in truth".into());
-        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.push(or_dash(row.rewards.real.miss.map(|miss| missed(row, miss)))));
-        table.note += " Miss: mean over games of the mean miss over a game's last half.";
+    if rows.iter().any(|r| r.rewards.real.error.is_some()) {
+        table.header.push("error in truth".into());
+        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.push(or_dash(row.rewards.real.error.map(|error| in_unit(row, error)))));
+        table.note += " Error: mean over games of the mean error over a game's last half.";
     }
     table
 }
 
-/// Terms of rewards, a line each and a column by policy, if there are any. Who keeps still has one column for all tasks; policies of a task
-/// whose folders are called alike have their paths.
+/// Reward terms, a line each and a column for each policy; `None` without terms. The zero-action policy shares one
+/// column over all tasks. Policies of one task with equal short names appear by path.
 pub fn terms(rows: &[Row]) -> Option<Table> {
     let alike = |a: &Row, b: &Row| a.task == b.task && a.policy != b.policy && short(&a.policy) == short(&b.policy);
     let called = |row: &Row| if rows.iter().any(|other| alike(row, other)) { row.policy.clone() } else { short(&row.policy) };
@@ -113,7 +113,7 @@ pub fn terms(rows: &[Row]) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new("terms", &header).with(lines).noted("In the truth, mean of all steps."))
 }
 
-/// Those that differ, in their order.
+/// Distinct values, in order of first appearance.
 fn once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     all.fold(Vec::new(), |mut all, x| {
         if !all.contains(&x) {
@@ -123,13 +123,13 @@ fn once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     })
 }
 
-/// An error in its task's own unit; for a task without one, as a share of the tolerance.
-fn missed(row: &Row, miss: f64) -> String {
-    let (allowed, unit) = row.allowed.as_ref().map_or((1.0, ""), |(allowed, unit)| (*allowed, unit));
-    format!("{:.3}{}{unit}", miss * allowed, if unit.is_empty() { "" } else { " " })
+/// An error in the task's unit; for a task without one, as a share of the tolerance.
+fn in_unit(row: &Row, error: f64) -> String {
+    let (tolerance, unit) = row.tolerance.as_ref().map_or((1.0, ""), |(tolerance, unit)| (*tolerance, unit));
+    format!("{:.3}{}{unit}", error * tolerance, if unit.is_empty() { "" } else { " " })
 }
 
-/// The same without seeds.
+/// `gaps` without the last column, the gaps by seed.
 pub fn summary(rows: &[Row]) -> Table {
     let mut table = gaps(rows);
     table.name = "summary".into();
@@ -137,7 +137,7 @@ pub fn summary(rows: &[Row]) -> Table {
     table
 }
 
-/// Gaps by task and seed, and what policies earn in the truth.
+/// Gaps by task and seed, and rewards in the truth.
 pub fn gaps(rows: &[Row]) -> Table {
     let lines = once(rows.iter().map(|r| &*r.task)).into_iter().map(|task| {
         let own = || rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural"));
@@ -163,7 +163,7 @@ pub fn gaps(rows: &[Row]) -> Table {
     Table::new("fresh", &header).with(lines).noted(note)
 }
 
-/// Rewards of episodes while policies learned, over seconds of training, from the curves in their folders; older folders have no curve.
+/// Mean episode reward over seconds of training, from `curve.csv` in the policies' folders; older folders have none.
 pub fn curves(folders: &[PathBuf]) -> Option<Figure> {
     let series = folders.iter().filter_map(|folder| {
         let text = nerd_sim::files::read_text(&folder.join("curve.csv")).ok()?;

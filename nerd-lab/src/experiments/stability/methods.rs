@@ -1,55 +1,75 @@
 //! The columns of the stability map.
 
-use nerd_sim::{prelude::*, suite::Method};
+use std::path::Path;
 
-/// Presets and substeps of [`Articulated`], and two settings of rapier.
+use nerd_sim::prelude::*;
+use nerd_suite::Method;
+use nerd_train::spec::{Method as Stepping, SolverSpec};
+
+use crate::mujoco::Mujoco;
+
+/// Articulated dynamics at presets and numbers of substeps, and rapier at two numbers of steps.
 pub fn known() -> Vec<Method> {
-    let (rough, fine) = (rapier("rapier 4x4", 4), rapier("rapier 16x4", 16));
-    [paper(), accurate(), euler(4), euler(16), euler(64), implicit(4), implicit(16), converged(), rough, fine].into()
+    let euler = |n: usize| method(format!("Euler x{n}"), SolverSpec::articulated(Stepping::Euler, n));
+    let implicit = |n: usize| method(format!("implicit x{n}"), SolverSpec::implicit(n));
+    let rapier = |n: usize| method(format!("rapier {n}x4"), SolverSpec::rapier(n)).rigid();
+    [paper(), accurate(), euler(4), euler(16), euler(64), implicit(4), implicit(16), converged(), rapier(4), rapier(16)].into()
 }
 
-/// The articulated solver with a system's settings, the substeps multiplied, as `solver` builds it.
-pub(super) fn articulated(
-    name: impl Into<String>,
-    config: impl Fn(&System, usize) -> ArticulatedConfig + Copy + Send + Sync + 'static,
-    solver: impl Fn(ArticulatedConfig) -> Box<dyn Solver> + Copy + Send + Sync + 'static,
-) -> Method {
-    let at = move |times: usize| move |system: &Arc<System>| solver(config(system, times));
-    Method::new(name, at(1)).finer(at(4))
-}
-
-fn on_cpu(config: ArticulatedConfig) -> Box<dyn Solver> {
-    Box::new(Articulated::new(config))
-}
-
-fn euler(n: usize) -> Method {
-    articulated(format!("Euler x{n}"), move |_, times| ArticulatedConfig::explicit(times * n, Friction::Coulomb), on_cpu)
-}
-
-fn implicit(n: usize) -> Method {
-    articulated(format!("implicit x{n}"), move |_, times| ArticulatedConfig::implicit(times * n, Friction::Coulomb), on_cpu)
-}
-
-/// What models are learned from: as many implicit substeps as the robot's specification says.
+/// The truth of models: implicit with the robot's own number of substeps.
 pub fn accurate() -> Method {
-    articulated("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb), on_cpu)
+    method("accurate", SolverSpec::default())
 }
 
 pub fn converged() -> Method {
-    let substeps = ArticulatedConfig::converged(Friction::Coulomb).contact_substeps;
-    articulated("converged", move |_, times| ArticulatedConfig::implicit(times * substeps, Friction::Coulomb), on_cpu)
+    method("converged", SolverSpec::implicit(128))
 }
 
-/// The reference simulator's preset, with the materials and substeps that it has there.
+/// The reference simulator's method, with its materials and substeps.
 pub fn paper() -> Method {
-    let paper = |system: &System, times: usize| {
-        let config = ArticulatedConfig::paper(system, Friction::Coulomb);
-        ArticulatedConfig { substeps: times * config.substeps, contact_substeps: times * config.contact_substeps, ..config }
-    };
-    articulated("paper", paper, on_cpu).made_as("paper")
+    method("paper", Truth::Paper.into()).made_as("paper")
 }
 
-fn rapier(name: &str, steps: usize) -> Method {
-    let at = |steps| move |_: &Arc<System>| -> Box<dyn Solver> { Box::new(Rapier::new(RapierConfig { steps, ..Default::default() })) };
-    Method::new(name, at(steps)).finer(at(4 * steps)).rigid()
+/// A solver by its text, and at four times its substeps.
+pub fn method(name: impl Into<String>, spec: SolverSpec) -> Method {
+    let at = |times: usize| {
+        let spec = spec.clone();
+        move |system: &Arc<System>| spec.refined(times, system).solver(system, 1).unwrap_or_else(|e| Box::new(Absent(e.to_string())))
+    };
+    Method::new(name, at(1)).finer(at(4))
+}
+
+/// A solver that could not be made: it refuses every step, and says why.
+struct Absent(String);
+
+impl Solver for Absent {
+    fn step(&mut self, _: &mut Batch, _: &[f64]) -> Result<(), StepError> {
+        Err(StepError::Refused(self.0.clone()))
+    }
+}
+
+/// The articulated solver on a GPU.
+#[cfg(feature = "cuda")]
+pub(super) fn on_gpu(name: String, spec: SolverSpec, real: nerd_sim::articulated::device::Real) -> Method {
+    use nerd_train::{learner::cuda::Precision, spec::resident};
+    let at = |times: usize| {
+        let spec = spec.clone();
+        move |system: &Arc<System>| -> Box<dyn Solver> {
+            match resident(&spec.refined(times, system), system, real, Precision::F32) {
+                Ok(solver) => solver,
+                Err(e) => Box::new(Absent(e.to_string())),
+            }
+        }
+    };
+    Method::new(name, at(1)).finer(at(4))
+}
+
+/// MuJoCo with `substeps` steps per frame.
+pub(super) fn mujoco(python: &Path, substeps: usize) -> Method {
+    let python: Arc<Path> = python.into();
+    let at = |substeps| {
+        let python = python.clone();
+        move |_: &Arc<System>| -> Box<dyn Solver> { Box::new(Mujoco::new(&python, substeps)) }
+    };
+    Method::new(format!("MuJoCo x{substeps}"), at(substeps)).finer(at(4 * substeps)).rigid()
 }

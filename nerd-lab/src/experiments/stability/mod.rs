@@ -1,13 +1,13 @@
-//! The stability map: every row of [`nerd_sim::suite`] under every analytic method.
+//! The stability map: every row of [`nerd_suite`] under every analytic method.
 
 mod methods;
 
 #[cfg(feature = "cuda")]
-use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
+use nerd_sim::articulated::device::Real;
+use nerd_suite::{Cell, Line, Method, Suite, Verdict};
 
 use crate::prelude::*;
-pub use methods::{accurate, converged, known, paper};
+pub use methods::{accurate, converged, known, method, paper};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StabilityMap {
@@ -16,7 +16,7 @@ pub struct StabilityMap {
 }
 
 impl StabilityMap {
-    /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.
+    /// Figures with marks: none for a pass, `!` degraded, `!!` failed, `lost` if the solver gave up.
     fn table(&self) -> Table {
         let mark = |c: &Cell| match c.verdict {
             _ if c.lost.is_some() => " lost",
@@ -36,7 +36,7 @@ impl StabilityMap {
     }
 }
 
-/// The suite under all analytic methods.
+/// The suite under a set of methods.
 pub struct Stability {
     name: String,
     suite: Suite,
@@ -44,28 +44,27 @@ pub struct Stability {
 }
 
 impl Stability {
-    /// The rows with one of `words` in their names, or all.
+    /// Rows whose names contain one of `words`, or all, under all analytic methods.
     pub fn new(words: &[String]) -> Result<Self> {
         Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods: known() })
     }
 
-    /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
+    /// The same rows in MuJoCo, beside the truths and rapier.
+    pub fn beside_mujoco(words: &[String], python: &Path) -> Result<Self> {
+        let mut methods: Vec<_> =
+            known().into_iter().filter(|method| ["accurate", "implicit x4", "rapier 16x4"].contains(&&*method.name)).collect();
+        methods.splice(2..2, [4, 16].map(|substeps| methods::mujoco(python, substeps)));
+        Ok(Self { name: "stability-mujoco".into(), suite: Suite::new().only(words)?, methods })
+    }
+
+    /// The same rows on a GPU in f32 and f64, each beside the CPU's solver.
     #[cfg(feature = "cuda")]
     pub fn on_device(words: &[String]) -> Result<Self> {
-        // Settings by system and factor on the substeps.
-        type Settings = fn(&System, usize) -> ArticulatedConfig;
-        let gpu = |name: &str, real: Real, config: Settings| {
-            methods::articulated(name, config, move |config| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config, real)) })
-        };
-        let of: [(&str, Settings); 2] = [
-            ("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)),
-            ("implicit x16", |_, times| ArticulatedConfig::implicit(16 * times, Friction::Coulomb)),
-        ];
         let mut methods = Vec::new();
-        for (name, config) in of {
-            methods.extend(known().into_iter().filter(|method| method.name == name));
-            methods.push(gpu(&format!("{name}, GPU, 32 bits"), Real::F32, config));
-            methods.push(gpu(&format!("{name}, GPU, 64 bits"), Real::F64, config));
+        for (name, spec) in [("accurate", SolverSpec::default()), ("implicit x16", SolverSpec::implicit(16))] {
+            methods.push(method(name, spec.clone()));
+            methods.push(methods::on_gpu(format!("{name}, GPU, 32 bits"), spec.clone(), Real::F32));
+            methods.push(methods::on_gpu(format!("{name}, GPU, 64 bits"), spec, Real::F64));
         }
         Ok(Self { name: "stability-device".into(), suite: Suite::new().only(words)?, methods })
     }
@@ -83,10 +82,10 @@ impl Experiment for Stability {
             inputs.add(Input::robot(&*System::named(&format!("{robot}-paper"))?));
         }
         for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("anymal", "free")] {
-            for setting in [Setting::Accurate, Setting::Euler(16), Setting::Implicit(16), Setting::RapierSteps(4)] {
-                inputs.add(Input::motion(robot, scene, &setting)?);
+            for text in ["articulated", "articulated(method=euler, substeps=16)", "articulated(substeps=16)", "rapier"] {
+                inputs.add(Input::motion(robot, scene, &text.parse()?)?);
             }
-            inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Setting::Paper)?);
+            inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Truth::Paper.into())?);
         }
         Ok(About { name: self.name.clone(), seed: 0, effort: self.cells() as f64, inputs })
     }

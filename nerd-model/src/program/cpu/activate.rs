@@ -1,5 +1,5 @@
-//! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu; 1, below 0 `y + 1`,
-//! for elu. The derivative of gelu is stored. NaNs propagate.
+//! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu;
+//! 1, below 0 `y + 1`, for elu. The forward pass stores the derivative of gelu. NaNs propagate.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -8,14 +8,14 @@ use pulp::Arch;
 use super::elementwise::{at_least, erf, erf_and_bell, exp};
 use crate::program::Activation;
 
-/// `y = f(x)`. Afterwards x holds y's old buffer or, for a gelu with `keep`, its derivative.
+/// `y = f(x)`. On return x is y's old buffer or, for gelu with `keep`, the derivative.
 pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     if f == Activation::Gelu && keep {
-        return gelu_and_slope(x, y);
+        return gelu_and_derivative(x, y);
     }
     std::mem::swap(x, y);
     let (arch, all) = (Arch::new(), y.iter_mut());
-    // One loop for each: several loops in one closure are not vectorised.
+    // One loop per activation: the compiler does not vectorise several loops in one closure.
     match f {
         Activation::Gelu => arch.dispatch(|| all.for_each(|x| *x *= 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2)))),
         Activation::Relu => arch.dispatch(|| all.for_each(|x| *x = at_least(*x, 0.0))),
@@ -24,7 +24,7 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     }
 }
 
-/// `y = gelu(a) b` for rows `x = [a b]` of `width` numbers.
+/// `y = gelu(a) b` for rows `x = [a b]` of `width` numbers; y has `width / 2`.
 pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     y.resize(x.len() / 2, 0.0);
     Arch::new().dispatch(|| {
@@ -37,7 +37,7 @@ pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     });
 }
 
-/// Adjoint of [`gate`]: the gradient with respect to `x` from the upstream one.
+/// Adjoint of [`gate`]: `dx` from `dy`.
 pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;
     dx.resize(x.len(), 0.0);
@@ -54,8 +54,8 @@ pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
     });
 }
 
-/// `active = x (1 + erf(x / sqrt 2)) / 2`; replaces x by the derivative there, so that the backward pass only multiplies.
-fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
+/// `active = x (1 + erf(x / sqrt 2)) / 2`. Replaces x by the derivative, so that the backward pass only multiplies.
+fn gelu_and_derivative(x: &mut [f32], active: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;
     active.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
@@ -75,11 +75,11 @@ fn tanh(x: f32) -> f32 {
     ((1.0 - e) / (1.0 + e)).copysign(x)
 }
 
-/// Adjoint of [`forward`], in place; `kept` is x as `forward` left it.
+/// Adjoint of [`forward`], in place on `gradient`; `kept` is x as [`forward`] left it.
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
     let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));
     match f {
-        Activation::Gelu => arch.dispatch(|| pairs.for_each(|(g, slope)| *g *= slope)),
+        Activation::Gelu => arch.dispatch(|| pairs.for_each(|(g, derivative)| *g *= derivative)),
         Activation::Relu => arch.dispatch(|| pairs.for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 })),
         Activation::Tanh => arch.dispatch(|| pairs.for_each(|(g, y)| *g *= 1.0 - y * y)),
         Activation::Elu => arch.dispatch(|| pairs.for_each(|(g, y)| *g *= y.min(0.0) + 1.0)),
@@ -90,7 +90,7 @@ pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
 mod tests {
     use super::*;
 
-    // Derivatives, and GELU, which the library lacks, are tested against burn (`tests/program.rs`).
+    // Tests against burn (`tests/program.rs`) cover derivatives and GELU, which the standard library lacks.
     #[test]
     fn activations_are_those_of_the_library_and_nan_stays() {
         let xs: Vec<f32> = (-4000..4000).map(|k| k as f32 * 5e-3 + 1e-4).chain([f32::NAN]).collect();

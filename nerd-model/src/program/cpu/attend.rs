@@ -1,23 +1,25 @@
-//! Causal attention over the tokens of each window, forward and backward, and of one new token to the last ones of a stream.
+//! Causal attention, forward and backward: over the tokens of each window, or of one new token to a stream's cached
+//! tokens.
 //!
-//! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
-//! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
+//! For q, k, v `[tokens][d]` of a head: `S = q k^T / sqrt(d)`, weights `P = softmax(S)` over the visible tokens,
+//! `o = P v`. Backward: `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`,
+//! `dk = dS^T q / sqrt(d)`.
 //!
-//! Keys are stored transposed, a row for each column of a head, so that the scores of all tokens are one sum of vectors.
+//! Keys are stored transposed, one row per column of a head: the scores of all tokens are one sum of vectors.
 
 use pulp::Arch;
 
 use super::elementwise::softmax;
 
-/// Shape of a window's attention, and working memory for one head.
+/// Shape of attention over windows, and working memory for one head.
 #[derive(Default)]
 pub struct Attention {
     tokens: usize,
     heads: usize,
     embedding: usize,
-    /// Tokens that a token sees, itself included.
+    /// Tokens that a token attends to, itself included.
     reach: usize,
-    /// Cosines and sines of the pairs at each position, `[tokens][2][d / 2]`; empty without rotary positions.
+    /// Cosines and sines of the rotary angles at each position, `[tokens][2][d / 2]`; empty without rotary positions.
     turns: Vec<f32>,
     /// Keys or values of a head, transposed, `[d][width]`.
     lying: Vec<f32>,
@@ -25,7 +27,7 @@ pub struct Attention {
 }
 
 impl Attention {
-    /// Sets the shape for windows, see [`super::super::Op::Attend`].
+    /// Sets the shape, see [`super::super::Op::Attend`].
     pub fn shape(&mut self, embedding: usize, heads: usize, tokens: usize, band: Option<usize>, frequencies: &[f64]) {
         (self.embedding, self.heads, self.tokens, self.reach) = (embedding, heads, tokens, band.unwrap_or(tokens));
         if self.turns.len() != 2 * tokens * frequencies.len() {
@@ -35,8 +37,8 @@ impl Attention {
         }
     }
 
-    /// Queries, keys and values `[windows tokens][3 E]` to mixed values `[windows tokens][E]`. Leaves queries and keys rotated, and shares
-    /// as `[window][head][tokens][width]`.
+    /// Maps `qkv` `[windows tokens][3 E]` to `out` `[windows tokens][E]`. Leaves queries and keys rotated, and
+    /// attention weights in `shares` `[window][head][tokens][width]`.
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         let windows = qkv.len() / (t * 3 * e);
@@ -59,7 +61,8 @@ impl Attention {
         });
     }
 
-    /// Adjoint of [`Attention::forward`]: gradient `dqkv` from the upstream gradient.
+    /// Adjoint of [`Attention::forward`]: `dqkv` from `upstream` `[windows tokens][E]`. Needs `qkv` and `shares` of the
+    /// forward pass.
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], upstream: &[f32], dqkv: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         dqkv.clear();
@@ -79,7 +82,7 @@ impl Attention {
         });
     }
 
-    /// Rotates queries and keys of a window to their positions, or (sign -1) back.
+    /// Rotates queries and keys of a window to their positions; sign -1 rotates back.
     #[inline(always)]
     fn turn(&self, qkv: &mut [f32], sign: f32) {
         let (e, d) = (self.embedding, self.embedding / self.heads);
@@ -88,7 +91,7 @@ impl Attention {
         }
     }
 
-    /// Part 0, 1 or 2 (query, key, value) of a head's token.
+    /// Range of a head's query, key or value (part 0, 1, 2) of a token in `qkv`.
     #[inline(always)]
     fn at(&self, part: usize, head: usize, token: usize) -> std::ops::Range<usize> {
         let d = self.embedding / self.heads;
@@ -96,7 +99,7 @@ impl Attention {
         first..first + d
     }
 
-    /// Part 1 or 2 of a head, transposed.
+    /// Transposes keys or values (part 1 or 2) of a head into `lying`.
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
         let (d, width) = (self.embedding / self.heads, width(self.tokens));
@@ -109,7 +112,7 @@ impl Attention {
         }
     }
 
-    /// The tokens that a token sees.
+    /// The tokens that a token attends to.
     #[inline(always)]
     fn seen(&self, token: usize) -> std::ops::Range<usize> {
         (token + 1).saturating_sub(self.reach)..token + 1
@@ -120,45 +123,46 @@ impl Attention {
         let (d, width) = (self.embedding / self.heads, width(self.tokens));
         let scale = (d as f32).sqrt().recip();
         self.lay(qkv, 2, head);
-        let mut slopes = std::mem::take(&mut self.row);
+        let mut gradients = std::mem::take(&mut self.row);
         for (i, shares) in shares.chunks_exact(width).enumerate() {
             let (seen, upstream) = (self.seen(i), &upstream[i * self.embedding + head * d..][..d]);
-            slopes.resize(width, 0.0);
-            sums(&mut slopes, upstream, &self.lying, width);
-            let along: f32 = slopes.iter().zip(shares).map(|(s, p)| s * p).sum();
-            slopes.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
+            gradients.resize(width, 0.0);
+            sums(&mut gradients, upstream, &self.lying, width);
+            let along: f32 = gradients.iter().zip(shares).map(|(s, p)| s * p).sum();
+            gradients.iter_mut().zip(shares).for_each(|(s, p)| *s = p * (*s - along) * scale);
             let keys = &qkv[self.at(1, head, seen.start).start..];
-            sums(&mut dqkv[self.at(0, head, i)], &slopes[seen.clone()], keys, 3 * self.embedding);
+            sums(&mut dqkv[self.at(0, head, i)], &gradients[seen.clone()], keys, 3 * self.embedding);
             for j in seen {
                 add(&mut dqkv[self.at(2, head, j)], shares[j], upstream);
-                add(&mut dqkv[self.at(1, head, j)], slopes[j], &qkv[self.at(0, head, i)]);
+                add(&mut dqkv[self.at(1, head, j)], gradients[j], &qkv[self.at(0, head, i)]);
             }
         }
-        self.row = slopes;
+        self.row = gradients;
     }
 }
 
-/// Keys and values of the last tokens of a stream in one layer.
+/// Cached keys and values of a stream's last tokens in one layer.
 pub struct Ring<'a> {
-    /// Number of tokens kept.
+    /// Number of cached tokens.
     pub history: usize,
-    /// Keys, rotated and transposed, `[E][width]`, then values `[history][E]`: [`Ring::floats`].
+    /// Keys, rotated and transposed, `[E][width]`, then values `[history][E]`; [`Ring::floats`] in all.
     pub past: &'a mut [f32],
-    /// Tokens that came before.
+    /// Number of earlier tokens.
     pub before: usize,
 }
 
 impl Ring<'_> {
-    /// Floats of its memory; none where a token sees itself alone.
+    /// Size of the cache in floats; zero for a history of one token.
     pub fn floats(embedding: usize, history: usize) -> usize {
         if history == 1 { 0 } else { embedding * (width(history) + history) }
     }
 
-    /// Mixed values `[E]` for a new token of `[q k v]`, which replaces the oldest; `turns` are cosines and sines of its position.
+    /// Attention output `[E]` for a new token `[q k v]`, which replaces the oldest in the cache. `turns` are cosines
+    /// and sines of its position.
     #[inline(always)]
     pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[f32], shares: &mut Vec<f32>, out: &mut [f32]) {
         if self.history == 1 {
-            // A window of one token attends to itself alone.
+            // A token that attends to itself alone returns its value.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
         }
         let (e, d, width) = (out.len(), out.len() / heads, width(self.history));
@@ -177,12 +181,13 @@ impl Ring<'_> {
     }
 }
 
-/// Length of a row of shares, padded to whole vectors.
+/// Row length of attention weights, padded to whole vectors.
 fn width(tokens: usize) -> usize {
     tokens.next_multiple_of(8)
 }
 
-/// Rotates the column pairs (m, m + d/2) of every head by cosines and sines of a position `[2][d / 2]`, or (sign -1) back.
+/// Rotates the column pairs (m, m + d/2) of every head by the cosines and sines of a position, `[2][d / 2]`; sign -1
+/// rotates back.
 #[inline(always)]
 fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
     let d = turns.len();
@@ -195,8 +200,8 @@ fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
     }
 }
 
-/// Attention of one query of a head: from transposed keys `[d][width]` and values, at a stride, to the tokens' shares `[width]` and the mix
-/// of their values. Pointers are at the first token seen.
+/// Attention of one query of a head: writes the weights `[width]` over transposed keys `[d][width]`, and the weighted
+/// sum of values to `out` `[d]`. `values` starts at the first visible token and has stride `apart`.
 #[inline(always)]
 fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std::ops::Range<usize>, shares: &mut [f32], out: &mut [f32]) {
     let scale = (query.len() as f32).sqrt().recip();
@@ -205,7 +210,7 @@ fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std:
     sums(out, &shares[seen], values, apart);
 }
 
-/// `out_c = sum_k a_k rows_kc`, rows at a stride; sums stay in registers.
+/// `out_c = sum_k a_k rows_kc` for rows at a stride; sums stay in registers.
 #[inline(always)]
 fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
     let mut first = 0;
@@ -224,13 +229,13 @@ fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
     }
 }
 
-/// [`sums`] over as many columns as fit in registers.
+/// [`sums`] over N columns, which fit in registers.
 #[inline(always)]
 fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
     let mut sum = [0.0; N];
     for (k, a) in a.iter().enumerate() {
         let row = &rows[k * stride..][..N];
-        // A loop, since a closure may be compiled without wide vectors.
+        // A loop, since a closure may compile without wide vectors.
         for (sum, x) in sum.iter_mut().zip(row) {
             *sum += a * x;
         }

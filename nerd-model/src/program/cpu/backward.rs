@@ -1,18 +1,18 @@
-//! The backward pass through a program, over what the forward pass stored.
+//! The backward pass of a program, over the values stored by the forward pass.
 //!
-//! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
+//! For `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::elementwise::{normalize_back, sum_rows};
 use super::{Loaded, Matrix, Memory, activate, neighbours, taken};
 use crate::program::{Op, Step, Weight};
 
 impl Loaded {
-    /// Transposes the matrices that the backward pass needs, beforehand: threads that need one at the same time would wait for each other.
+    /// Transposes all matrices of the backward pass in advance, so that threads do not wait for each other.
     pub fn turn(&self) {
         (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
     }
 
-    /// `W'^T` of step `i`'s product.
+    /// `W'^T` of the product in step `i`, if that step is one.
     fn turned(&self, i: usize) -> Option<&Matrix> {
         let Step { to, op, .. } = self.program.steps[i];
         let Op::Linear { weight, scale, .. } = op else { return None };
@@ -20,15 +20,15 @@ impl Loaded {
         Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
     }
 
-    /// Gradients with respect to parameters and, if requested, tokens, from the one with respect to predictions. Needs a forward pass of
-    /// [`super::Pass::Kept`] with as many tokens.
+    /// Gradients with respect to parameters (flat) and, if `by_tokens`, tokens, from `upstream` with respect to
+    /// predictions. Needs a forward pass of [`super::Pass::Kept`] with the same `tokens`.
     pub fn backward(&self, tokens: usize, upstream: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let of_tokens = self.way_back(tokens, upstream, memory, Some(&mut gradient), by_tokens);
         (gradient, of_tokens)
     }
 
-    /// Gradient with respect to the tokens alone; may be repeated after one forward pass.
+    /// Gradient with respect to the tokens alone. Several calls may follow one forward pass.
     pub fn backward_to_tokens(&self, tokens: usize, upstream: &[f32], memory: &mut Memory) -> Vec<f32> {
         self.way_back(tokens, upstream, memory, None, true)
     }
@@ -41,27 +41,27 @@ impl Loaded {
         mut gradient: Option<&mut [f32]>,
         by_tokens: bool,
     ) -> Vec<f32> {
-        let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
+        let mut by_value: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
         let mut last = taken(&mut memory.spare, upstream.len());
         last.clear();
         last.extend_from_slice(upstream);
-        slopes[self.program.predictions().0] = last;
+        by_value[self.program.predictions().0] = last;
         for i in (0..self.program.steps.len()).rev() {
-            self.back(i, tokens, &mut slopes, memory, gradient.as_deref_mut(), by_tokens);
+            self.back(i, tokens, &mut by_value, memory, gradient.as_deref_mut(), by_tokens);
         }
-        let of_tokens = std::mem::take(&mut slopes[0]);
-        memory.spare.extend(slopes.into_iter().filter(|s| s.capacity() > 0));
+        let of_tokens = std::mem::take(&mut by_value[0]);
+        memory.spare.extend(by_value.into_iter().filter(|s| s.capacity() > 0));
         of_tokens
     }
 
-    fn back(&self, i: usize, tokens: usize, slopes: &mut [Vec<f32>], memory: &mut Memory, gradient: Option<&mut [f32]>, by_tokens: bool) {
+    fn back(&self, i: usize, tokens: usize, by_value: &mut [Vec<f32>], memory: &mut Memory, gradient: Option<&mut [f32]>, by_tokens: bool) {
         let Step { from, to, op } = self.program.steps[i];
-        let Memory { values, aside, spare, attention, slopes: cut } = memory;
+        let Memory { values, aside, spare, attention, gradients: cut } = memory;
         let (x, y) = (&values[from.0], &values[to.0]);
-        let mut dy = std::mem::take(&mut slopes[to.0]);
+        let mut dy = std::mem::take(&mut by_value[to.0]);
         let range = |w: Weight| self.starts[w.0]..self.starts[w.0 + 1];
-        // A slot that is read twice has a gradient already.
-        let mut dx = std::mem::take(&mut slopes[from.0]);
+        // A slot with two readers already has a gradient.
+        let mut dx = std::mem::take(&mut by_value[from.0]);
         let first = dx.is_empty();
         let asked = from != self.program.tokens() || by_tokens;
         if asked && first && to != from && !matches!(op, Op::Activate(_)) {
@@ -117,12 +117,12 @@ impl Loaded {
             Op::Gate => activate::gate_back(x, self.program.width(from), &dy, &mut dx),
         }
         if to == from || matches!(op, Op::Linear { add: true, .. }) {
-            slopes[to.0] = dy;
+            by_value[to.0] = dy;
         } else if dy.capacity() > 0 {
             spare.push(dy);
         }
         if to != from {
-            slopes[from.0] = dx;
+            by_value[from.0] = dx;
         }
     }
 }

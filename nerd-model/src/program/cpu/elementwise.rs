@@ -1,26 +1,26 @@
-//! Element-wise work in f32 that the compiler vectorises at the width that `pulp` detects at run time. It is inlined into the caller's
-//! `dispatch`.
+//! Element-wise f32 functions, inlined into the caller's `dispatch`. The compiler vectorises them at the width that
+//! `pulp` detects at run time.
 
 use pulp::Arch;
 
-/// The larger of two numbers, NaN if x is NaN: `f32::max` would return the other one.
+/// The larger of two numbers, NaN if x is NaN (`f32::max` would return the other).
 #[inline(always)]
 pub fn at_least(x: f32, least: f32) -> f32 {
     if x < least { least } else { x }
 }
 
-/// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor's series to r^7: 2e-8 relative, 0 below -87.
+/// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor series to r^7: 2e-8 relative error, 0 below -87.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = at_least(x, -87.0);
-    // Adding and taking away 1.5 x 2^23 rounds to a whole number.
+    // Adding and subtracting 1.5 x 2^23 rounds to an integer.
     let shift = 12_582_912.0f32;
     let shifted = x * std::f32::consts::LOG2_E + shift;
     let k = shifted - shift;
-    // ln 2 in two parts, so that r keeps its digits.
+    // ln 2 in two parts keeps the digits of r.
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let series = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
-    // That number is in the low bits of the shifted one, so no conversion is needed, which vector units do only with checks.
+    // The low bits of `shifted` contain k, which saves a conversion that vector units do only with checks.
     series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
 
@@ -30,8 +30,8 @@ pub fn erf(x: f32) -> f32 {
     erf_and_bell(x).0
 }
 
-/// Argument above which `e^(-x^2)`, 1e-11 there, counts as 0. Near 1e-38, gradients times it would be subnormal numbers, which are far
-/// slower.
+/// Argument above which `e^(-x^2)`, 1e-11 there, counts as 0. Values near 1e-38 would make gradients subnormal, which
+/// is far slower.
 const FADED: f32 = 5.0;
 
 /// [`erf`] and `e^(-x^2)`, a factor of erf and of its derivative.
@@ -44,7 +44,8 @@ pub fn erf_and_bell(x: f32) -> (f32, f32) {
     ((1.0 - series * bell).copysign(x), bell)
 }
 
-/// Normalises rows of x to mean 0 and variance 1 (epsilon 1e-5, biased variance); `inverse` receives 1 / deviation of each row.
+/// Normalises rows of `e` numbers to mean 0 and variance 1 (epsilon 1e-5, biased variance). `inverse[row]` receives 1 /
+/// standard deviation.
 pub fn normalize(x: &[f32], e: usize, out: &mut Vec<f32>, inverse: &mut Vec<f32>) {
     out.resize(x.len(), 0.0);
     inverse.resize(x.len() / e, 0.0);
@@ -58,7 +59,7 @@ pub fn normalize(x: &[f32], e: usize, out: &mut Vec<f32>, inverse: &mut Vec<f32>
     });
 }
 
-/// Sum of f over a row, in sixteen lanes, since a compiler may not reorder a sum of floats.
+/// Sum of f over a row, in sixteen lanes, since a compiler may not reorder float sums.
 #[inline(always)]
 pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     let mut lanes = [0.0f32; 16];
@@ -70,8 +71,8 @@ pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// Softmax of `scale` times the scores of the tokens seen; 0 for all others. A row is whole vectors: scores of unseen tokens are computed
-/// too, at no cost.
+/// Softmax of `scale` times the scores in `seen`; 0 elsewhere. Whole vectors are computed, scores outside `seen`
+/// included, at no cost.
 #[inline(always)]
 pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
     for s in scores.iter_mut() {
@@ -90,13 +91,13 @@ pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
     scores[seen.end..].fill(0.0);
 }
 
-/// Adjoint of [`normalize`], added to `dx`: `(g - mean g - y mean g y) / deviation`.
+/// Adjoint of [`normalize`], added to `dx`: `(g - mean g - y mean(g y)) / deviation`. Overwrites `upstream`.
 pub fn normalize_back(upstream: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
     Arch::new().dispatch(|| {
         for (((g, y), inverse), dx) in upstream.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
             let mean = sum(g, |g| g) / e as f32;
-            // The mean of y is 0, so the mean of g may be subtracted first.
+            // y has mean 0, so the mean of g may be subtracted first.
             g.iter_mut().for_each(|g| *g -= mean);
             let along = products(g, y) / e as f32;
             dx.iter_mut().zip(g).zip(y).for_each(|((dx, g), y)| *dx += (*g - y * along) * inverse);
@@ -115,7 +116,7 @@ fn products(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
 }
 
-/// `out += ` the sum of all rows.
+/// Adds the sum of all rows to `out`.
 pub fn sum_rows(rows: &[f32], out: &mut [f32]) {
     rows.chunks_exact(out.len()).for_each(|row| out.iter_mut().zip(row).for_each(|(o, x)| *o += x));
 }
@@ -126,7 +127,7 @@ mod tests {
 
     #[test]
     fn exponential_and_error_function_are_those_of_the_textbook() {
-        // Against the series of erf in f64, and the library's exp.
+        // Against the series of erf in f64, and the standard library's exp.
         let series = |x: f64| {
             let (mut term, mut total) = (x, x);
             for n in 1..100 {

@@ -1,18 +1,18 @@
-//! A matrix packed once, when a network is loaded, into panels as wide as the processor's registers.
+//! Matrix products (GEMM) with a matrix packed once at loading, into panels as wide as the processor's registers.
 //!
-//! A general product packs its operands at every call, which for the few rows of a frame costs more than the product. Here a panel stays in
-//! the first-level cache while all rows pass it, and a tile of sums stays in registers.
+//! A general GEMM packs its operands at every call, which costs more than the product for a frame's few rows. Here a
+//! panel stays in the L1 cache for all rows, and a tile of sums in registers.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// `W`, `[inner, outer]`.
+/// A packed matrix `W`, `[inner, outer]`.
 #[derive(Default)]
 pub struct Matrix {
     inner: usize,
     outer: usize,
-    /// Vectors in a row of a panel.
+    /// SIMD vectors per row of a panel.
     vectors: usize,
-    /// `[panel][inner][vectors * lanes]`, zeros beyond the last column.
+    /// `[panel][inner][vectors * lanes]`, zero beyond the last column.
     panels: Vec<f32>,
 }
 
@@ -24,11 +24,11 @@ impl Matrix {
         matrix
     }
 
-    /// The same, reusing this matrix's memory.
+    /// As `Self::new`, reusing this matrix's memory.
     pub fn cut(&mut self, inner: usize, values: &[f32]) {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
-        // The shape with the fewest padding columns; among equals the one with the fewest loads per sum and registers to spare.
+        // Least padding columns first; among equals, fewest loads per sum with registers to spare.
         let shapes = if lanes >= 16 { [3, 4, 2] } else { [2, 3, 4] };
         let wide = shapes.into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
         let vectors = if outer > lanes { wide } else { 1 };
@@ -57,18 +57,18 @@ impl Matrix {
         Self::new(inner, &turned)
     }
 
-    /// `out = x W`, plus a bias if there is one, for the rows of `x`.
+    /// `out = x W`, plus the bias if any, for rows `x` `[rows, inner]`.
     pub fn product(&self, x: &[f32], bias: Option<&[f32]>, out: &mut Vec<f32>) {
         out.resize(x.len() / self.inner * self.outer, 0.0);
         Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias, across: false });
     }
 
-    /// `out += x W` for the rows of `x`.
+    /// `out += x W` for rows `x` `[rows, inner]`.
     pub fn add_product(&self, x: &[f32], out: &mut [f32]) {
         Arch::new().dispatch(Product { matrix: self, x, out, add: true, bias: None, across: false });
     }
 
-    /// `out = x^T W` for `x`, `[inner, rows]`.
+    /// `out = x^T W` for `x` `[inner, rows]`.
     pub fn across(&self, x: &[f32], out: &mut [f32]) {
         Arch::new().dispatch(Product { matrix: self, x, out, add: false, bias: None, across: true });
     }
@@ -85,7 +85,7 @@ impl WithSimd for Lanes {
     }
 }
 
-/// `x W`, or `x^T W`.
+/// `x W`, or `x^T W` with `across`.
 struct Product<'a> {
     matrix: &'a Matrix,
     x: &'a [f32],
@@ -100,7 +100,7 @@ impl WithSimd for Product<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        // Tiles of sums that leave registers for a row of the panel and an entry of x.
+        // Tile sizes R x V that leave registers for a row of the panel and an entry of x.
         match (S::F32_LANES, self.matrix.vectors) {
             (_, 1) => self.panels::<S, 12, 1>(simd),
             (16.., 2) => self.panels::<S, 12, 2>(simd),
@@ -145,7 +145,7 @@ impl Product<'_> {
     }
 }
 
-/// Sums of R rows of x with one panel.
+/// Products of R rows of x with one panel.
 #[inline(always)]
 fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S::f32s; V]]) -> [[S::f32s; V]; R] {
     let inner = panel.len();
@@ -157,7 +157,7 @@ fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S
     sums
 }
 
-/// Sums of R columns of x from the `row`-th on, `[inner, rows]`, with one panel.
+/// Products of R columns of x `[inner, rows]`, from column `row` on, with one panel.
 #[inline(always)]
 fn tile_across<S: Simd, const R: usize, const V: usize>(
     simd: S,

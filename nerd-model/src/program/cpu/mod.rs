@@ -1,7 +1,8 @@
-//! Programs on the CPU: forward for windows and for streams; backward with respect to weights and tokens.
+//! CPU engine for programs: forward over windows and streams, backward with respect to weights and tokens.
 //!
-//! Matrices are packed into panels when weights are loaded, with the preceding norms' weights folded in (`diag(w) W`); element-wise work
-//! runs with the widest vectors the processor has. Equal to burn's to rounding (`tests/program.rs`).
+//! Matrices are packed into panels when weights are loaded, with the preceding norms' weights folded in (`diag(w) W`).
+//! Element-wise functions use the widest vectors of the processor. Results equal burn's up to rounding
+//! (`tests/program.rs`).
 
 mod activate;
 mod attend;
@@ -24,40 +25,40 @@ pub struct Loaded {
     pub program: Program,
     flat: Vec<f32>,
     starts: Vec<usize>,
-    /// By step, `diag(scale) W` where there is a scale.
+    /// `diag(scale) W` of each step with a scale.
     folded: Vec<Vec<f32>>,
-    /// By step, its matrix in panels, empty where it has none; and its transpose once requested.
+    /// Packed matrix of each step, empty without a product; and its transpose, packed at the first request.
     panels: Vec<Matrix>,
     back: Vec<std::sync::OnceLock<Matrix>>,
-    /// By slot, the last step that reads it.
+    /// For each slot, the last step that reads or writes it.
     ends: Vec<usize>,
-    /// The last step in which tokens are mixed or positions added.
+    /// The last step that mixes tokens or adds positions.
     mixing: Option<usize>,
 }
 
-/// Activations of one thread, whose memory every pass uses again.
+/// Activations of one thread; every pass reuses this memory.
 #[derive(Default)]
 pub struct Memory {
-    /// Rows by slot; after a pass that does not keep them, the predictions alone.
+    /// Rows of each slot; after a pass that does not keep them, only the predictions.
     values: Vec<Vec<f32>>,
-    /// Other values that the backward pass needs, by step.
+    /// Values of each step that the backward pass needs besides slots.
     aside: Vec<Vec<f32>>,
     spare: Vec<Vec<f32>>,
     attention: Attention,
-    /// Gradients in panels.
-    slopes: Matrix,
+    /// Packed gradients.
+    gradients: Matrix,
 }
 
-/// Mixes the tokens of a stream: receives the index of the attention in the program, and maps `[q k v]` to mixed values.
+/// Attention of a stream: receives the index of the attention in the program, and maps `[q k v]` to its output.
 pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
 
-/// Which tokens are mixed, and whose predictions are needed.
+/// How tokens form windows, and which predictions are needed.
 pub enum Pass<'a> {
-    /// Windows of this many tokens; everything is kept for the backward pass.
+    /// Windows of this many tokens; keeps everything for the backward pass.
     Kept(usize),
-    /// Windows of this many tokens; predictions of these rows alone.
+    /// Windows of this many tokens; only predictions of these rows.
     Windows(usize, &'a [usize]),
-    /// Tokens that the caller mixes.
+    /// One new token per environment; the caller computes attention.
     Stream(Mix<'a>),
 }
 
@@ -97,7 +98,7 @@ impl Loaded {
         &self.flat[self.starts[weight.0]..self.starts[weight.0 + 1]]
     }
 
-    /// Predictions for tokens, `[row][outputs]`, in `memory`.
+    /// Predictions `[row][outputs]` for tokens `[row][inputs]`. The result lies in `memory`.
     pub fn forward<'a>(&self, tokens: &[f32], memory: &'a mut Memory, mut pass: Pass) -> &'a mut Vec<f32> {
         memory.values.resize_with(self.program.widths.len(), Vec::new);
         memory.aside.resize_with(self.program.steps.len(), Vec::new);
@@ -106,7 +107,7 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
-        // An activation swapped buffers with its input; swap them back.
+        // An activation swapped buffers with its input; swap back.
         for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
             if memory.values[step.from.0].capacity() == 0 {
                 memory.values.swap(step.from.0, step.to.0);
@@ -173,13 +174,13 @@ impl Loaded {
         values[from.0] = x;
     }
 
-    /// After the last mixing step, rows whose predictions are not needed are dropped.
+    /// Drops rows without needed predictions once tokens mix no more.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
         let Pass::Windows(_, rows) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
         for (&width, x) in self.program.widths.iter().zip(&mut memory.values[..=newest.0]) {
             if x.len() > rows.len() * width {
-                // Rows come in order, so none is overwritten before it is read.
+                // Rows are ascending, so each is read before it is overwritten.
                 rows.iter().enumerate().for_each(|(k, row)| x.copy_within(row * width..(row + 1) * width, k * width));
                 x.truncate(rows.len() * width);
             }
@@ -188,7 +189,7 @@ impl Loaded {
 }
 
 impl Pass<'_> {
-    /// Tokens of a window.
+    /// Tokens per window; `None` for a stream.
     fn tokens(&self) -> Option<usize> {
         match self {
             Self::Kept(tokens) | Self::Windows(tokens, _) => Some(*tokens),
@@ -201,7 +202,7 @@ fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += r));
 }
 
-/// A spare buffer, of this length if there is one: another would have to be filled first.
+/// A spare buffer, preferably of this length: another would have to be filled first.
 fn taken(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
     let found = spare.iter().position(|s| s.len() == length).or(spare.len().checked_sub(1));
     found.map(|i| spare.swap_remove(i)).unwrap_or_default()

@@ -1,6 +1,6 @@
-//! Rows concatenated with the rows of neighbouring tokens in their window, forward and backward.
+//! Concatenates each row with the rows of two neighbouring tokens in the window, forward and backward.
 
-/// `[x_{k-d} x_k x_{k+d}]` for rows of `width`, zeros beyond the ends of windows of `tokens` tokens.
+/// Rows `[x_{k-d} x_k x_{k+d}]`, d = `apart`, for rows of `width`; zeros beyond the ends of windows of `tokens` tokens.
 pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut Vec<f32>) {
     out.resize(3 * x.len(), 0.0);
     for (x, out) in x.chunks_exact(tokens * width).zip(out.chunks_exact_mut(3 * tokens * width)) {
@@ -29,7 +29,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
     }
 }
 
-/// The k-th token and its two neighbours, `None` beyond an end.
+/// Token k and its two neighbours, left first; `None` beyond an end.
 fn places(k: usize, tokens: usize, apart: usize) -> [Option<usize>; 3] {
     [k.checked_sub(apart), Some(k), Some(k + apart).filter(|other| *other < tokens)]
 }

@@ -1,31 +1,39 @@
-// Slopes of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, where they are explained, and what a thread keeps for them.
+// Adjoint of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, and a thread's records for it.
 
-constexpr int STEPS = 8 * MOST_SUBSTEPS;   // substeps that are kept at most: of a frame that its energy asks to be finer the slopes are those of so many
+// Most substeps of a frame that are recorded; a frame is refined no further.
+constexpr int STEPS = 8 * MOST_SUBSTEPS;
 
 FN Wrench operator-(Wrench a, Wrench b) { return wrench(a.ang - b.ang, a.lin - b.lin); }
 FN Wrench operator*(Wrench a, real k) { return wrench(a.ang * k, a.lin * k); }
 FN Wrench cross(Motion m, Wrench f) { return wrench(cross(m.ang, f.ang) + cross(m.lin, f.lin), cross(m.ang, f.lin)); }
 FN Wrench force_at(V3 f, V3 x) { return wrench(cross(x, f), f); }
 
-constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a bit for every touch and drive
+constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a mask with a bit per touch and drive
 
-// A substep: its pose in the middle (of Runge-Kutta's at its start), local velocities at its start, the rate that was found; touches that did nothing.
-struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; };
+// A recorded substep: q in its middle (Runge-Kutta: at its start), local qd at its start, rate found, idle touches,
+// slip and turn offsets of contacts (touch.cuh).
+constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // most contacts with recorded offsets, 0 for others
+struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; V3 held[HOLDS], turn_offset[TURNS ? HOLDS : 1]; };
 
 struct Back {
-    bool ahead;                         // whether substeps were implicit ones
+    bool implicit;                         // whether substeps were implicit
     int steps;
     Kept kept[STEPS];
-    int since[WEIGHTS];                 // the substep that found a weight
-    // The first solves of the first substep, if there were two: whether it was one, the rate, idle touches.
+    int since[WEIGHTS];                 // substep that found a weight
+    // First stage of the first substep, if it had two: whether it was a single solve, rate, idle touches.
     bool twice, once;
     real guess[NV];
     unsigned early[IDLE];
-    // Gradients, as those of slopes/row.rs.
-    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], braked[NJ + 1], share[NJ + 1], drives[PULLS][2];
+    // Gradients, as gradients/row.rs.
+    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], across[PAIRS + 1], damping_used[NJ + 1], share[NJ + 1], drives[PULLS][2];
     Wrench loads[NL], starts[NL];
     V3 way;
-    // Motions of links, and gradients by them.
+    // Gradients w.r.t. contact forces (torques: turn_offset, winds) at a stage's end (held) and start (holds).
+    V3 held[PAIRS + 1], holds[PAIRS + 1];
+#if TURNS
+    V3 turn_offset[PAIRS + 1], winds[PAIRS + 1];
+#endif
+    // Motions of links, and gradients w.r.t. them.
     Motion start[NL], acceleration[NL], virtuals[NL], quickened[NL];
     Wrench by_virtual[NL], by_quickened[NL], by_velocity[NL], by_acceleration[NL];
     real own[NV], qdd[NV], by_middle[NV];
@@ -36,10 +44,10 @@ FN void add(real* out, Wrench w) {
     out[3] += w.lin.x; out[4] += w.lin.y; out[5] += w.lin.z;
 }
 
-// What wrenches on links do along each DoF is added to `out`, if there is one; each becomes that of its subtree.
+// J^T of link wrenches: `by` => added to `out`, unless null; each wrench becomes the sum over its subtree.
 BIG void gather(const Tree& t, Wrench* by, real* out) {
     Wrench sum[NL];
-    onward<0, NL>([&](auto i) { sum[i] = by[i]; });
+    for_up<0, NL>([&](auto i) { sum[i] = by[i]; });
     backward<0, NL>([&](auto i) {
         by[i] = sum[i];
         if (DOFS && i == 0) {
@@ -52,27 +60,27 @@ BIG void gather(const Tree& t, Wrench* by, real* out) {
     });
 }
 
-// `twists` back.
+// Adjoint of `twists`: gradients `by` w.r.t. twists => w.r.t. rates (added to `out`) and displacements (to `loads`).
 FN void twists_back(const Tree& t, const real* rates, Wrench* by, Wrench* loads, real* out) {
     gather(t, by, out);
-    onward<DOFS ? 1 : 0, NL>([&](auto i) { loads[i] = loads[i] + cross(t.axis[i], by[i] * rates[DOF[i]]); });
+    for_up<DOFS ? 1 : 0, NL>([&](auto i) { loads[i] = loads[i] + cross(t.axis[i], by[i] * rates[DOF[i]]); });
 }
 
-// Accelerations of links at zero qdd, once `velocities` has their twists.
+// Link accelerations at zero qdd: twists of `velocities`, gravity => out.
 BIG void accelerations(const Tree& t, const real* qd, V3 gravity, Motion* out) {
     Motion own[NL];
     const Motion base = motion(v3(0, 0, 0), gravity * (real)-1);
-    onward<0, NL>([&](auto i) {
+    for_up<0, NL>([&](auto i) {
         const int p = PARENT[i];
         const Motion above = p < 0 ? base : own[p < 0 ? 0 : p];
         out[i] = own[i] = DOFS && i == 0 ? above : above + cross(t.velocity[i], t.axis[i] * qd[DOF[i]]);
     });
 }
 
-// Begins with `-virtual . RNEA(q, qd, qdd)` at virtual rates b.own.
+// First half of the adjoint of `-virtual . RNEA(q, qd, qdd)` at virtual rates b.own => gradients w.r.t. link motions.
 BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
     twists(t, b.own, b.virtuals);
-    onward<0, NL>([&](auto i) {
+    for_up<0, NL>([&](auto i) {
         const Inertia inertia = body(t, i);
         const Motion v = t.velocity[i], l = b.virtuals[i], a = b.acceleration[i] + b.quickened[i], y = cross(v, l);
         const Wrench of_a = inertia * a, of_v = inertia * v, of_l = inertia * l, of_y = inertia * y;
@@ -94,12 +102,12 @@ BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
     });
 }
 
-// Ends: adds gradients by the twists' rates `qd` to `out`, and by displacements to b.loads.
+// Second half => gradients w.r.t. the twists' rates `qd` (added to `out`) and displacements (added to b.loads).
 BIG void adjoint_end(const Tree& t, Back& b, const real* qd, real* out) {
     twists_back(t, b.own, b.by_virtual, b.loads, 0);
     twists_back(t, b.qdd, b.by_quickened, b.loads, 0);
     gather(t, b.by_acceleration, 0);
-    onward<DOFS ? 1 : 0, NL>([&](auto i) {
+    for_up<DOFS ? 1 : 0, NL>([&](auto i) {
         const Wrench by = b.by_acceleration[i], by_own = cross(t.velocity[i], by) * (real)-1;
         const Motion axis = t.axis[i];
         const real rate = qd[DOF[i]];
@@ -110,8 +118,9 @@ BIG void adjoint_end(const Tree& t, Back& b, const real* qd, real* out) {
     twists_back(t, qd, b.by_velocity, b.loads, out);
 }
 
-// x of a matrix with the tree's zeros, in its place: entries m_ij in `low` and m_ji in `up`, for j above i, and the diagonal in `low`. From the leaves to
-// the root, so that none is filled; what has no solution gives no numbers.
+// Solves A x = b in place for an asymmetric A with the tree's zeros: entries m_ij in `low` and m_ji in `up`, for j
+// above i, diagonal in `low`. Eliminates from leaves to root, so no zero is filled. A singular A gives no finite
+// numbers.
 FN void eliminate(real* low, real* up, real* x) {
     backward<0, NV>([&](auto k) {
         const real inverse = 1 / low[LOWER(k, k)];
@@ -126,7 +135,7 @@ FN void eliminate(real* low, real* up, real* x) {
             });
         });
     });
-    onward<0, NV>([&](auto k) {
+    for_up<0, NV>([&](auto k) {
         above(k, [&](auto j) { x[k] -= low[LOWER(k, j)] * x[j]; });
         x[k] *= low[LOWER(k, k)];
     });

@@ -1,7 +1,8 @@
-// The solver by itself: a loop over environments, and over frames.
+// The solver alone: a kernel over environments, with a loop over frames.
 
-// `frames` frames in a row of `n` environments, under torques held or one set a frame. Where one fails, the environment stands still, and
-// `done` frames went well. A family's motors remember torques `asked` for.
+// Advances `n` environments by `frames` frames, under one set of torques (`held`) or one per frame. After a fault an
+// environment stands still; `done` counts its completed frames. `asked`: commanded torques in a family's actuator
+// model.
 extern "C" __global__ void advance(double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
                                    double* forces, int* faults, int* done, int n, int frames, int held
 #if RIGGED

@@ -1,20 +1,21 @@
-// Implicit steps of deep robots, in O(n) along the tree, as nerd_core's TreeFactor and articulated/along.rs. In 64 bits, whatever the rest has:
-// about one origin, what a light link far from it resists with is a small difference of large numbers.
+// Implicit steps of deep robots by the articulated-body algorithm, O(n), as nerd_core's TreeFactor and
+// articulated/along.rs. Always in 64 bits: about one common origin, a light link's inertia is a small difference of
+// large numbers.
 
 constexpr int LINKS = ALONG ? NL : 1;
 constexpr int FIRST = DOFS ? 1 : 0;
 
-// Of symmetric 6x6 matrices the lower triangle, row by row.
+// Lower triangle of a symmetric 6x6 matrix, row by row.
 constexpr int PACKED = 21;
 #define ENTRY(r, c) ((r) >= (c) ? LOWER(r, c) : LOWER(c, r))
 
 struct Along {
-    double inertia[LINKS][PACKED];      // of each link and all below it, as the link feels them
-    double gain[LINKS][6], inverse[LINKS], size[LINKS];
-    double ease[LINKS][PACKED];         // accelerations of links under a unit wrench on them
-    double alone[LINKS];                // accelerations of joints under a unit torque
+    double inertia[LINKS][PACKED];      // articulated-body inertias
+    double gain[LINKS][6], inverse[LINKS], size[LINKS];   // U = I S; 1 / D; trace, the scale for tests of D
+    double inv_inertia[LINKS][PACKED];         // inverse inertias: acceleration of a link under a unit wrench on it
+    double alone[LINKS];                // the same of a joint under a unit torque
     double force[LINKS][6], residual[LINKS], acceleration[LINKS][6];
-    double root[PACKED];                // Cholesky's factor of a floating root, its diagonal inverted
+    double root[PACKED];                // Cholesky factor of a floating root's inertia, diagonal inverted
     double joints[NJ + 1], dampers[NJ + 1], x[NV];
 };
 
@@ -27,7 +28,7 @@ FN void times(const double* a, const double* x, double* y) {
     }
 }
 
-// The links' own inertias about the origin.
+// Spatial inertias of single links about the origin: tree => f.inertia.
 BIG void inertias(const Tree& t, Along& f) {
     for (int i = 0; i < NL; i++) {
         const real *q = t.rotation[i].m, *b = BODY(t) + 9 * i;
@@ -52,7 +53,8 @@ BIG void inertias(const Tree& t, Along& f) {
     }
 }
 
-// Factorises what is in f.inertia, with `joints` beside the armatures; false at t.lost where that is not positive definite.
+// Articulated-body inertias: f.inertia, `joints` (added to armatures) => f.inertia, f.gain, f.inverse, f.root. False,
+// with the DoF in t.lost, if not positive definite.
 BIG bool factorise(Tree& t, Along& f, const double* joints) {
     for (int i = 0; i < NL; i++) {
         f.size[i] = 0;
@@ -84,7 +86,7 @@ BIG bool factorise(Tree& t, Along& f, const double* joints) {
     return true;
 }
 
-// x of the root's inertia, in place.
+// Solves with the root's inertia, in place.
 FN void root_solve(const Along& f, double* x) {
     for (int r = 0; r < 6; r++) {
         for (int k = 0; k < r; k++) x[r] -= f.root[LOWER(r, k)] * x[k];
@@ -96,7 +98,7 @@ FN void root_solve(const Along& f, double* x) {
     }
 }
 
-// Accelerations f.x for torques f.x and forces on links f.force, those that resist.
+// Accelerations: torques f.x, link wrenches f.force (signed as bias forces) => f.x, f.acceleration.
 BIG void solve(const Tree& t, Along& f) {
     double s[6];
     for (int i = NL - 1; i >= FIRST; i--) {
@@ -120,7 +122,8 @@ BIG void solve(const Tree& t, Along& f) {
     }
 }
 
-// What wrenches and torques of one each do, from the root outward: E = E_p - (S v^T + v S^T) / D + S S^T (1 / D + U . v / D^2), v = E_p U.
+// Inverse inertias of links and joints, from the root outward: tree => f.inv_inertia, f.alone.
+// E = E_p - (S v^T + v S^T) / D + S S^T (1 / D + U . v / D^2), v = E_p U.
 BIG bool spread(Tree& t, Along& f) {
     inertias(t, f);
     if (!factorise(t, f, 0)) return false;
@@ -129,38 +132,39 @@ BIG bool spread(Tree& t, Along& f) {
             double x[6] = {0, 0, 0, 0, 0, 0};
             x[k] = 1;
             root_solve(f, x);
-            for (int r = k; r < 6; r++) f.ease[0][LOWER(r, k)] = x[r];
+            for (int r = k; r < 6; r++) f.inv_inertia[0][LOWER(r, k)] = x[r];
         }
     for (int i = FIRST; i < NL; i++) {
         const int p = PARENT[i];
         const double inverse = f.inverse[i];
         double s[6], v[6] = {0, 0, 0, 0, 0, 0};
         stack(t.axis[i], s);
-        if (p >= 0) times(f.ease[p], f.gain[i], v);
+        if (p >= 0) times(f.inv_inertia[p], f.gain[i], v);
         f.alone[i] = inverse + dot6(f.gain[i], v) * inverse * inverse;
         for (int r = 0; r < 6; r++)
             for (int c = 0; c <= r; c++)
-                f.ease[i][LOWER(r, c)] = (p < 0 ? 0 : f.ease[p][LOWER(r, c)]) - (s[r] * v[c] + v[r] * s[c]) * inverse + s[r] * s[c] * f.alone[i];
+                f.inv_inertia[i][LOWER(r, c)] = (p < 0 ? 0 : f.inv_inertia[p][LOWER(r, c)]) - (s[r] * v[c] + v[r] * s[c]) * inverse + s[r] * s[c] * f.alone[i];
     }
     return true;
 }
 
-// A force at a place, as a wrench about the origin.
+// Wrench about the origin of a force at x.
 FN void wrench_at(V3 force, V3 x, double* w) {
     const double p[3] = {x.x, x.y, x.z}, f[3] = {force.x, force.y, force.z};
     w[0] = p[1] * f[2] - p[2] * f[1]; w[1] = p[2] * f[0] - p[0] * f[2]; w[2] = p[0] * f[1] - p[1] * f[0];
     w[3] = f[0]; w[4] = f[1]; w[5] = f[2];
 }
 
-// w of a point along a normal, after `spread`.
-FN double eased(const Along& f, int link, V3 x, V3 normal) {
+// Inverse effective mass w of a point along a normal, after `spread`.
+FN double inv_mass(const Along& f, int link, V3 x, V3 normal) {
     double wrench[6], twist[6];
     wrench_at(normal, x, wrench);
-    times(f.ease[link], wrench, twist);
+    times(f.inv_inertia[link], wrench, twist);
     return dot6(wrench, twist);
 }
 
-// A point at x that pushes with `force` and resists with `(along - across) n n^T + across`: as inertia of its link, J_x = [-x^, 1].
+// Adds a contact at x to its link: `force` to f.force, J_x^T D J_x to f.inertia.
+// D = (along - across) n n^T + across 1, J_x = [-x^, 1].
 FN void resist(Along& f, int link, V3 x, V3 n, V3 force, double along, double across) {
     double w[6], *own = f.inertia[link];
     wrench_at(force, x, w);
@@ -170,7 +174,7 @@ FN void resist(Along& f, int link, V3 x, V3 n, V3 force, double along, double ac
     wrench_at(n, x, w);
     for (int r = 0; r < 6; r++)
         for (int c = 0; c <= r; c++) {
-            double same;    // of J_x^T J_x
+            double same;    // entry of J_x^T J_x
             if (r < 3) same = turn[3 * r] * turn[3 * c] + turn[3 * r + 1] * turn[3 * c + 1] + turn[3 * r + 2] * turn[3 * c + 2];
             else if (c < 3) same = turn[3 * c + r - 3];
             else same = r == c;
@@ -179,14 +183,14 @@ FN void resist(Along& f, int link, V3 x, V3 n, V3 force, double along, double ac
 }
 
 #if TURNS
-// What the last solution does to how a link turns.
+// Angular acceleration of a link in the last solution.
 FN V3 reached(const Along& f, int link) {
     const double* a = f.acceleration[link];
     return v3((real)a[0], (real)a[1], (real)a[2]);
 }
 #endif
 
-// What the last solution does to a point of a link.
+// Acceleration J qdd of a point of a link in the last solution.
 FN V3 reached(const Along& f, int link, V3 x) {
     const double* a = f.acceleration[link];
     return v3((real)(a[3] + a[1] * x.z - a[2] * x.y), (real)(a[4] + a[2] * x.x - a[0] * x.z), (real)(a[5] + a[0] * x.y - a[1] * x.x));

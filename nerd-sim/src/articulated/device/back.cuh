@@ -1,14 +1,18 @@
-// The way back over a frame, as articulated/slopes, where it is explained: the frame is stepped with what its substeps began with and found kept, and
-// from the last to the first each is gone back over.
+// Gradients of a frame, as articulated/gradients: steps the frame, recording start and result of each substep, then runs
+// the adjoint from the last substep to the first.
 
-// Keeps them.
+// Records the substeps of a frame.
 struct Keeper {
     Back& b;
     static constexpr int most = STEPS;
-    void begin(bool ahead, int steps) const {
-        b.ahead = ahead;
+    void begin(bool implicit, int steps) const {
+        b.implicit = implicit;
         b.steps = steps;
         for (int k = 0; k < WEIGHTS; k++) b.since[k] = -1;
+        for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
+#if TURNS
+        for (int k = 0; k < PAIRS; k++) b.turn_offset[k] = v3(0, 0, 0);
+#endif
     }
     void begins(const Work& w, int number) const {
         Kept& kept = b.kept[number];
@@ -24,6 +28,10 @@ struct Keeper {
             if (b.since[index] < 0) b.since[index] = number;
             kept.idle[n / 32] |= (unsigned)idle(w, n) << n % 32;
         }
+        for (int n = 0; n < w.points && n < HOLDS; n++) kept.held[n] = w.touch[n].slip_offset;
+#if TURNS
+        for (int n = 0; n < w.points && n < HOLDS; n++) kept.turn_offset[n] = w.touch[n].turn_offset;
+#endif
         if (number) return;
         b.twice = w.twice;
         b.once = w.once;
@@ -33,7 +41,7 @@ struct Keeper {
     }
 };
 
-// Back over an implicit substep, of which what was solved is found again but for its rates; 0, or a fault.
+// Adjoint of an implicit substep: contacts and weights are found again, rates are recorded ones. Returns 0 or a fault.
 BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) {
     Tree& t = w.tree;
     const Kept& kept = b.kept[number];
@@ -41,7 +49,21 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     for (int k = 0; k < NV; k++) t.qd[k] = kept.qd[k];
     kinematics(t);
     see(w, scene);
-    if (!find(w, h) || !weigh(w, h)) return LOST;
+    if (!find(w, h)) return LOST;
+    const auto held = [&](int n) { return n < HOLDS ? kept.held[n] : v3(0, 0, 0); };
+    for (int n = 0; n < w.points; n++) {
+        const int index = w.touch[n].index;
+        const real stick = STICK_DRAG / (h * most(w.slide[index], MIN_INV_MASS));
+        w.pressed[index] = number ? held(n) * stick : v3(0, 0, 0);
+#if TURNS
+        w.turn_offset[index] = number && n < HOLDS ? kept.turn_offset[n] * (TURN_STICK_DRAG * stick * w.touch[n].gyration) : v3(0, 0, 0);
+#endif
+    }
+    if (!set_thetas(w, h)) return LOST;
+    for (int n = 0; n < w.points; n++) w.touch[n].slip_offset = held(n);
+#if TURNS
+    for (int n = 0; n < w.points; n++) w.touch[n].turn_offset = n < HOLDS ? kept.turn_offset[n] : v3(0, 0, 0);
+#endif
     crba(t);
     share(w, h);
     real end[NV];
@@ -55,16 +77,40 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     const real* before = number ? b.kept[number - 1].rate : b.guess;
     const bool spinning = spins(kept.qd, h);
     for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
-    if (spinning) spun_back(w, b, kept, h);
-    else stage_back(w, b, kept, kept.rate, kept.idle, h, false);
+    // A point without contact in this substep keeps its held force.
+    const auto begin_holds = [&]() {
+        for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
+        for (int n = 0; n < w.points; n++) b.holds[w.touch[n].index] = v3(0, 0, 0);
+#if TURNS
+        for (int k = 0; k < PAIRS; k++) b.winds[k] = b.turn_offset[k];
+        for (int n = 0; n < w.points; n++) b.winds[w.touch[n].index] = v3(0, 0, 0);
+#endif
+    };
+    const auto end_holds = [&]() {
+        for (int k = 0; k < PAIRS; k++) b.held[k] = b.holds[k];
+#if TURNS
+        for (int k = 0; k < PAIRS; k++) b.turn_offset[k] = b.winds[k];
+#endif
+    };
+    const bool again = number == 0 && b.twice;
+    begin_holds();
+    if (spinning) spun_back(w, b, kept, h, again);
+    else stage_adjoint(w, b, kept, kept.rate, kept.idle, h, false, again);
+    end_holds();
     if (number == 0 && b.twice) {
-        // The first solve of a frame knew no rate, and gave that of the next one's middle.
+        // The first stage starts at rate 0; its rate gives the middle of the second.
         for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k];
-        stage_back(w, b, kept, b.guess, b.early, h, b.once);
+        for (int n = 0; n < w.points; n++) w.touch[n].slip_offset = v3(0, 0, 0);
+#if TURNS
+        for (int n = 0; n < w.points; n++) w.touch[n].turn_offset = v3(0, 0, 0);
+#endif
+        begin_holds();
+        stage_adjoint(w, b, kept, b.guess, b.early, h, b.once, false);
+        end_holds();
     }
-    weights_back(w, b, number, h);
+    inv_mass_adjoint(w, b, number, h);
     twists_back(t, kept.qd, b.starts, b.loads, b.speed);
-    // Of a root's load the moment alone is a slope of what it carries; its way changes gaps.
+    // Of the root's load only the moment is a gradient; its displacement changes gaps (b.way).
     const V3 way = DOFS ? read3(b.pose + 3) + b.way : v3(0, 0, 0);
     gather(t, b.loads, b.pose);
     if (DOFS) write3(b.pose + 3, way);
@@ -74,8 +120,8 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
 
 static_assert(sizeof(Work) + sizeof(Explicit) + sizeof(Back) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; go back over its frames on the CPU");
 
-// Steps to `next` and goes back from a gradient by it; 0, or why not.
-BIG int frame_back(const double* state, const double* tau, const double* scene, const double* drives, const double* by_next, double* next,
+// Steps a frame and applies its adjoint: grad_next => next, by_state, by_tau. Returns 0 or a fault.
+BIG int frame_back(const double* state, const double* tau, const double* scene, const double* drives, const double* grad_next, double* next,
                    double* by_state, double* by_tau) {
     Work w;
     Back b;
@@ -85,16 +131,18 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     if (!fault) fault = give(w.tree, next);
     if (fault) return fault;
     wrap(next);
-    begin(b, next, by_next);
+    begin(b, next, grad_next);
+    // The factor on velocities that pays for energy is held constant.
+    for (int k = 0; k < NV; k++) b.speed[k] *= w.velocity_factor;
     const real h = (real)(FRAME / b.steps);
-    const bool ahead = HELD || DRIVEN || b.ahead;
-    if (ahead) centre_back(w.tree, b, next, -1);
-    w.tree.centre = CENTRED && ahead ? read3(COM(w.tree)) : v3(0, 0, 0);
+    const bool implicit = HELD || DRIVEN || b.implicit;
+    if (implicit) centre_back(w.tree, b, next, -1);
+    w.tree.centre = CENTRED && implicit ? read3(COM(w.tree)) : v3(0, 0, 0);
     for (int number = b.steps - 1; number >= 0; number--) {
-        const int fault = ahead ? substep_back(w, b, number, scene, h) : flight_back(w, b, b.kept[number], tau, h);
+        const int fault = implicit ? substep_back(w, b, number, scene, h) : flight_back(w, b, b.kept[number], tau, h);
         if (fault) return fault;
     }
-    if (ahead) centre_back(w.tree, b, state, 1);
+    if (implicit) centre_back(w.tree, b, state, 1);
     end(b, state, by_state);
     for (int i = 0; i < NJ; i++) by_tau[i] = b.torque[i];
 #if SERVO
@@ -103,16 +151,16 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     return 0;
 }
 
-// `rows` gradients of each environment, a thread each: zeros where its frame is a fault. The first of them writes the state after the frame and the
-// fault, if they have a place.
-extern "C" __global__ void slopes(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
-                                  const double* by_next, double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
+// Vector-Jacobian products of `rows` gradients of each environment, one thread each; zeros where its frame fails. The
+// thread of row 0 writes next state and fault, unless `nexts` is null.
+extern "C" __global__ void gradients(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
+                                  const double* grad_next, double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n) return;
     const long long at = (long long)env * rows + blockIdx.y;
     double next[NQ + NV], *by_state = by_states + at * 2 * NV, *by_tau = by_torques + at * NJ;
     const int fault = frame_back(states + (long long)env * (NQ + NV), torques + (long long)env * NJ, scenes + (long long)scene_of[env] * SCENE,
-                                 drives + (long long)env * 5 * DRIVES, by_next + at * 2 * NV, next, by_state, by_tau);
+                                 drives + (long long)env * 5 * DRIVES, grad_next + at * 2 * NV, next, by_state, by_tau);
     for (int k = 0; k < 2 * NV && fault; k++) by_state[k] = 0;
     for (int k = 0; k < NJ && fault; k++) by_tau[k] = 0;
     if (blockIdx.y || !nexts) return;

@@ -1,12 +1,13 @@
-//! The way back over a frame on a device: a kernel, a thread an environment and a gradient.
+//! Gradients of a frame on a device: one kernel, one thread per environment and gradient.
 //!
-//! A thread steps the frame and keeps of its substeps where they began, their rates and which touches were idle: `8 NQ + 2 NV sizeof(real)` bytes and a bit
-//! for each touch and drive. From the last to the first it looks again at what touched, and goes back without another solve. Of Runge-Kutta's substeps the stages are found
-//! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is stepped with those that are
-//! kept. In 32 bits and with eight substeps a thread needs `29072` bytes for an Ant and `33648` for an ANYmal.
+//! A thread steps the frame and records each substep: `8 NQ + 2 NV sizeof(real)` bytes for its start and rate, a bit
+//! for each touch and drive that was idle, and the force (and torque) that each contact holds. The backward pass runs
+//! from the last substep to the first. It finds the contacts again but repeats no solve; Runge-Kutta stages are
+//! computed again. There is room for eight times the substeps of the settings. A frame that would be refined further
+//! for its energy (`energy.rs`) is stepped with at most that many.
 
 use super::program::{Reach, Real, functions, whips};
-use crate::articulated::slopes::covered;
+use crate::articulated::gradients::covered;
 use crate::prelude::*;
 
 const KERNELS: [&str; 6] = [
@@ -18,19 +19,19 @@ const KERNELS: [&str; 6] = [
     include_str!("back.cuh"),
 ];
 
-/// The text for one robot: the kernel `slopes`.
+/// CUDA text of the kernel `gradients` for one robot.
 pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     functions(system, config, real, reach, true).0 + &KERNELS.concat()
 }
 
-/// Refuses what has no slopes on a device.
+/// Refuses settings and robots without gradients on a device.
 ///
 /// # Errors
-/// What has none, and where it has.
+/// Unsupported settings or robots; the text says where they are supported.
 pub fn goes_back(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
     covered(config, batch)?;
     if whips(&batch.system) {
-        return Err(StepError::Refused("chains this deep have no slopes on a card yet: take them on the CPU".into()));
+        return Err(StepError::Refused("chains this deep have no gradients on a card yet: take them on the CPU".into()));
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
-// What befalls a robot in an episode, as disturb.rs has it: pushes of PUSHED (range, m/s) along LEVEL every PUSH_EVERY frames (0: none), and where it is BLURRED the
-// NOISE of its sensors (joints, a root's place and turn), NOISE_BLOCKS of its stream a frame; all from an episode's own stream.
+// Disturbances of an episode, as disturb.rs, drawn from its own stream: every PUSH_EVERY frames (0: never) a push of
+// PUSHED (range, m/s) along LEVEL. BLURRED: sensor NOISE of joints, root position and root orientation, NOISE_BLOCKS
+// blocks a frame.
 
 FN Draws drawn_at(const unsigned long long* key, unsigned long long stream, unsigned long long block) {
     Draws d = draws(key, stream);
@@ -7,7 +8,7 @@ FN Draws drawn_at(const unsigned long long* key, unsigned long long stream, unsi
     return d;
 }
 
-// Before a frame of an episode that draws from this stream.
+// Pushes the root, if `frame` of the episode has a push.
 FN void shoved(const unsigned long long* key, unsigned long long stream, unsigned long long frame, double* state) {
 #if PUSH_EVERY
     if (frame == 0 || frame % PUSH_EVERY) return;
@@ -22,6 +23,7 @@ FN double normal(Draws& d, double size) {
     const double u = one(d), v = one(d);
     return size * (sqrt(-2 * log(1 - u)) * cos(2 * PI * v));
 }
+// Adds the sensor noise of a frame to a state.
 BIG void blurred(const unsigned long long* key, unsigned long long stream, unsigned long long frame, const double* scene, double* state) {
     Draws d = drawn_at(key, stream, NOISES + frame * NOISE_BLOCKS);
     const double joint = NOISE(scene)[0], place = NOISE(scene)[1], turn = NOISE(scene)[2], per = 1 / FRAME;

@@ -1,8 +1,9 @@
-// How an episode begins and what a robot's own controller makes of an action, as system/start.rs and control.rs have them. Tables: of the root,
-// ranges of PLACES, SPINS, SPEEDS and TILTS and the orientation POSE; of the joints, ranges STARTS_Q and STARTS_QD and MINUS (-1), KP, KD, GAIN,
-// REST; the scene APART_FROM in which each point of a start stands clear by APART.
+// Starts of episodes and the robot's own controller, as system/start.rs and control.rs. Tables of the root: ranges
+// PLACES, ANG_VEL, VELOCITY, TILTS, orientation POSE. Of the joints: ranges STARTS_Q and STARTS_QD, MINUS (joint to
+// subtract, or -1), KP, KD, GAIN, DEFAULT_Q (default pose). Each point of a start is at least APART from the scene
+// APART_FROM.
 
-// Numbers in [0, 1), one after the other.
+// A stream of random numbers in [0, 1).
 struct Draws { unsigned long long key[4], stream, block; unsigned words[16]; int at; };
 FN Draws draws(const unsigned long long* key, unsigned long long stream) {
     Draws d;
@@ -21,7 +22,7 @@ BIG double one(Draws& d) {
     return unit(d.words + d.at - 2);
 }
 
-// a + b x, each rounded, as it is on the CPU.
+// a + b x, each operation rounded, as on the CPU.
 FN double along(double a, double b, double x) {
 #ifdef __CUDACC_RTC__
     return __dadd_rn(a, __dmul_rn(b, x));
@@ -34,8 +35,8 @@ FN double between(Draws& d, const double* range) { return along(range[0], range[
 BIG void draw_root(Draws& d, double* state) {
     double *p = state, w[3], v[3], n[3], length = 0, turn[4], spin[3], speed[3];
     for (int k = 0; k < 3; k++) p[k] = between(d, PLACES + 2 * k);
-    for (int k = 0; k < 3; k++) w[k] = between(d, SPINS + 2 * k);
-    for (int k = 0; k < 3; k++) v[k] = between(d, SPEEDS + 2 * k);
+    for (int k = 0; k < 3; k++) w[k] = between(d, ANG_VEL + 2 * k);
+    for (int k = 0; k < 3; k++) v[k] = between(d, VELOCITY + 2 * k);
     while (!(length > 1e-6)) {
         for (int k = 0; k < 3; k++) n[k] = along(-1, 2, one(d));
         length = sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
@@ -63,7 +64,7 @@ BIG void draw_start(Draws& d, double* state) {
     wrap(state);
 }
 
-// How far a contact point is from the scene.
+// Distance of a contact point from the scene.
 FN real nearest(const Work& w, int point) {
     real least = infinite();
     for (int c = 0; c < w.surfaces; c++) {
@@ -75,13 +76,14 @@ FN real nearest(const Work& w, int point) {
     return least;
 }
 
-// Links and surfaces where a state stands, seen from the root.
+// Kinematics of a state, and surfaces relative to its root.
 BIG void settle(Work& w, const double* state, const double* scene) {
     take(w.tree, state);
     kinematics(w.tree);
     survey(w, scene);
 }
 
+// Draws starts until one is clear of the scene, MOST_DRAWS at most.
 BIG void start(Draws& d, double* state) {
     for (int k = 0; k < MOST_DRAWS; k++) {
         draw_start(d, state);
@@ -95,7 +97,7 @@ BIG void start(Draws& d, double* state) {
 }
 
 #if FIELDS
-// The lowest place of a contact point, from the root along `up`, and how far above ground that is not flat.
+// Least height of the contact points: along `up` from the root (low), and above the uneven ground (above).
 FN void lowest(Work& w, const double* state, const double* scene, V3 up, real& low, real& above) {
     settle(w, state, scene);
     const int ground = (int)((terrain(scene) - scene) / COLLIDER);
@@ -109,7 +111,7 @@ FN void lowest(Work& w, const double* state, const double* scene, V3 up, real& l
     }
 }
 
-// A start somewhere on it, as scene/terrain.rs has it.
+// Moves a start to a random place on uneven ground, as scene/terrain.rs.
 BIG void strewn(Draws& d, double* state, const double* scene) {
     const double *f = terrain(scene), *g = grid(f);
     const V3 up = v3(f[3], f[6], f[9]);
@@ -132,7 +134,8 @@ BIG void strewn(Draws& d, double* state, const double* scene) {
 }
 #endif
 
-// The matrix of a position law a frame ahead, without contact, factorised; false at a state that has none.
+// Factor of M + h (KD + h KP), the matrix of a position law at the frame's end without contact. False if not positive
+// definite.
 BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     know(t, scene);
     take(t, state);
@@ -142,14 +145,14 @@ BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     return refill(t);
 }
 
-// How far joints are from their targets, and how fast, now or, if that is looked at and found, a frame ahead.
+// Position errors and velocities of the joints: now or, with STABLE_PD, at the frame's end. Returns whether at its end.
 BIG bool gaps(const double* state, const double* scene, const double* action, double* gap, double* speed, Tree& t) {
     for (int i = 0; i < NJ; i++) {
-        const double q = state[COORDS + i], d = (RELATIVE ? q : REST[i]) + ACTION_SCALE * action[i] - q;
+        const double q = state[COORDS + i], d = (RELATIVE ? q : DEFAULT_Q[i]) + ACTION_SCALE * action[i] - q;
         gap[i] = WRAPS[i] && !RELATIVE ? wrapped(d) : d;
         speed[i] = state[NQ + DOFS + i];
     }
-    if (!AHEAD || !stiffened(state, scene, t)) return false;
+    if (!STABLE_PD || !stiffened(state, scene, t)) return false;
     double qdd[NV];
     bias(t, t.qd, read3(scene), 0);
     for (int k = 0; k < NV; k++) qdd[k] = -t.tau[k];
@@ -162,7 +165,7 @@ BIG bool gaps(const double* state, const double* scene, const double* action, do
     return true;
 }
 
-// Torques of an action within +-1.
+// Torques of an action within +-1: state, action => tau.
 BIG void controlled(const double* state, const double* scene, const double* action, double* tau) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) tau[i] = GAIN[i] * action[i];
@@ -177,7 +180,7 @@ BIG void controlled(const double* state, const double* scene, const double* acti
     }
 }
 
-// Gradients by an action from those by its torques; what comes to the state's numbers is added to them.
+// Adjoint of `controlled`: gradient `by` w.r.t. tau => by_action, and by_state (added to).
 BIG void controlled_back(const double* state, const double* scene, const double* action, const double* by, double* by_action, double* by_state) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) by_action[i] = GAIN[i] * by[i];
@@ -185,13 +188,13 @@ BIG void controlled_back(const double* state, const double* scene, const double*
     }
     double gap[NJ + 1], speed[NJ + 1], push[NV];
     Tree tree;
-    const bool ahead = gaps(state, scene, action, gap, speed, tree);
+    const bool stable = gaps(state, scene, action, gap, speed, tree);
     for (int i = 0; i < NJ; i++) {
         const double t = KP(scene)[i] * gap[i] - KD(scene)[i] * speed[i], g = !CLAMPED || fabs(t) <= GAIN[i] ? by[i] : 0;
         gap[i] = KP(scene)[i] * g;
         speed[i] = -KD(scene)[i] * g;
     }
-    if (ahead) {
+    if (stable) {
         for (int k = 0; k < NV; k++) push[k] = k < DOFS ? 0 : FRAME * speed[k - DOFS] - FRAME * FRAME * gap[k - DOFS];
         solve(tree, push);
         for (int i = 0; i < NJ; i++) {

@@ -1,4 +1,4 @@
-//! Starts and the robot's own controller, as kernels for episodes on a device.
+//! Text of the kernels for episodes on a device: starts and the robot's own controller.
 
 use super::own::Own;
 use super::program::{Reach, Real, functions};
@@ -9,13 +9,14 @@ use crate::prelude::*;
 use crate::system::motors::LATEST;
 use crate::system::start::{DRAWS, Start, least_clearance};
 
-/// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
+/// Random numbers of ChaCha8 as the crate `rand` draws them: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");
 
-/// Functions in 64 bits for a batch's scenes and robots: those of the solver, `start` (of resets) and `controlled`.
+/// CUDA text in 64 bits for the scenes and robots of a batch: functions of the solver, `start` (draws a reset) and
+/// `controlled` (torques of an action).
 ///
 /// # Errors
-/// In the scene that starts keep clear of, a shape without a kernel or more colliders than that.
+/// The scene that starts keep clear of has a shape without a kernel, or more colliders than `reach`.
 pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let (colliders, reach) = (reach.colliders, Reach { driven: false, ..reach });
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
@@ -31,7 +32,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
     text.define([("MOST_DRAWS", DRAWS)]);
-    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", !reach.servo && control.is_some_and(|c| c.ahead))];
+    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("STABLE_PD", !reach.servo && control.is_some_and(|c| c.stable_pd))];
     let more =
         [("CLAMPED", !reach.servo && control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
     text.define(flags.into_iter().chain(more).map(|(name, on)| (name, i32::from(on))));
@@ -50,8 +51,8 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let law = root.map(|root| root.reset.as_ref().unwrap_or(&root.sample));
     numbers("POSE", root.map_or(vec![0.0; 4], |root| quaternion(&root.quaternion).coords.as_slice().to_vec()));
     numbers("PLACES", law.map_or(Vec::new(), |l| l.position.iter().flat_map(ends).collect()));
-    numbers("SPINS", law.map_or(Vec::new(), |l| l.angular.iter().flat_map(ends).collect()));
-    numbers("SPEEDS", law.map_or(Vec::new(), |l| l.linear.iter().flat_map(ends).collect()));
+    numbers("ANG_VEL", law.map_or(Vec::new(), |l| l.ang_vel.iter().flat_map(ends).collect()));
+    numbers("VELOCITY", law.map_or(Vec::new(), |l| l.velocity.iter().flat_map(ends).collect()));
     numbers("TILTS", law.map_or(Vec::new(), |l| ends(&l.tilt).to_vec()));
     numbers("APART_FROM", record.unwrap_or_default());
     numbers("APART", clear.unwrap_or_default());
@@ -59,7 +60,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     numbers("STARTS_Q", specs.iter().flat_map(|s| ends(&s.reset.q)).collect());
     numbers("STARTS_QD", specs.iter().flat_map(|s| ends(&s.reset.qd)).collect());
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
-    numbers("REST", system.joint_specs().map(|j| j.default).collect());
+    numbers("DEFAULT_Q", system.joint_specs().map(|j| j.default_q).collect());
     reach.own.write(&mut text, system, false);
     text.table("double", "LEVEL", level(system).iter().flat_map(|v| v.iter().copied()));
     text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));

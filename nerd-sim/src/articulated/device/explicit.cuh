@@ -1,14 +1,14 @@
-// Explicit substeps where there is nothing to touch, by Runge-Kutta, as articulated/explicit.rs; and what is too stiff for them, as
-// articulated/stiff.rs, where the bounds are explained. LEAST of joints, DAMPED of the robot.
+// Runge-Kutta substeps without contact, as articulated/explicit.rs, and tests for joints too stiff for them, as
+// articulated/stiff.rs, which has the bounds. LEAST: least inertia of each joint; DAMPED: sum of 2 d / LEAST.
 
-constexpr int STIFF = -2;               // not a fault: the frame wants the implicit step
+constexpr int STIFF = -2;               // not a fault: the frame needs implicit substeps
 
 struct Acting { int joint; real s; };
 
 struct Explicit {
     bool looked;
-    int soft;                           // of all limits together: -1 not looked at, 0 no, 1 yes
-    real weight[NJ + 1];                // negative: not yet
+    int soft;                           // whether all limits together are soft enough; -1: not tested
+    real weight[NJ + 1];                // w of joints; negative: unknown
     real vector[NJ + 1], column[NV];
     Acting acting[NJ + 1], others[NJ + 1];
     double start[NQ];
@@ -18,7 +18,7 @@ struct Explicit {
 
 FN real stiffness(int i, real h) { return h * (2 * LIMIT[4 * i + 3] + h * LIMIT[4 * i + 2]); }
 
-// Spectral radius of S^1/2 M^-1 S^1/2 of some joints, by power iteration.
+// Spectral radius of S^1/2 M^-1 S^1/2 over n joints, by power iteration.
 BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
     for (int k = 0; k < n; k++) {
         const real x = (real)0.618034 * k;
@@ -42,7 +42,7 @@ BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
     return length;
 }
 
-// Whether dampers are too stiff for a substep; looked at once a frame.
+// Whether joint dampers are too stiff for a substep h; tested once a frame.
 BIG bool dampers(const Tree& t, Explicit& e, real h) {
     if (e.looked || h * DAMPED(t)[0] <= MOST_DAMPED) return false;
     e.looked = true;
@@ -52,7 +52,7 @@ BIG bool dampers(const Tree& t, Explicit& e, real h) {
     return radius(t, e, e.others, n) > MOST_DAMPED;
 }
 
-// Whether the limits that act are.
+// Whether the n active limits are too stiff for a substep h; cheap bounds first.
 BIG bool limits(const Tree& t, Explicit& e, int n, real h, real bound) {
     if (!n) return false;
     real sum = 0;
@@ -79,7 +79,7 @@ BIG bool limits(const Tree& t, Explicit& e, int n, real h, real bound) {
     return !e.soft && radius(t, e, e.acting, n) > bound;
 }
 
-// w.qdd = M^-1 (tau + limits - damping - bias). 0, a fault, or STIFF.
+// Forward dynamics, w.qdd = M^-1 (tau + limits - damping - bias). Returns 0, a fault or STIFF.
 BIG int accelerate(Work& w, Explicit& e, const double* tau, real h, real bound) {
     Tree& t = w.tree;
     crba(t);
@@ -101,7 +101,7 @@ BIG int accelerate(Work& w, Explicit& e, const double* tau, real h, real bound) 
     return 0;
 }
 
-// The tree of a substep's stage, from (q, qd) at its beginning and the rate of the stage before.
+// Tree of a stage, from (q, qd) at the substep's start and the rate of the stage before.
 FN void stand(Tree& t, const Explicit& e, int stage, const double* q, const double* qd, real h) {
     const double at = stage == 0 ? 0 : stage == 3 ? h : 0.5 * h;
     const double* rate = e.rates[stage ? stage - 1 : 0];
@@ -109,7 +109,7 @@ FN void stand(Tree& t, const Explicit& e, int stage, const double* q, const doub
     for (int k = 0; k < NV; k++) t.qd[k] = (real)(stage ? qd[k] + at * rate[NQ + k] : qd[k]);
 }
 
-// The rates of a substep's stages, at whose last the tree ends. 0, a fault, or STIFF.
+// Rates of the four stages => e.rates; the tree ends at the last stage. Returns 0, a fault or STIFF.
 BIG int stages(Work& w, Explicit& e, const double* tau, const double* q, const double* qd, real h, real bound) {
     Tree& t = w.tree;
     for (int stage = 0; stage < 4; stage++) {
@@ -123,7 +123,7 @@ BIG int stages(Work& w, Explicit& e, const double* tau, const double* q, const d
         if (!DOFS) continue;
         const V3 a = v3(t.qd[0], t.qd[1], t.qd[2]), v = v3(t.qd[3], t.qd[4], t.qd[5]), c = cross(a, v);
         r[0] = v.x; r[1] = v.y; r[2] = v.z;
-        // (w, 0) Q / 2, of a quaternion as it is.
+        // (w, 0) Q / 2, with Q not normalised.
         const double x = t.q[3], y = t.q[4], z = t.q[5], s = t.q[6];
         r[3] = 0.5 * (a.x * s + a.y * z - a.z * y);
         r[4] = 0.5 * (-a.x * z + a.y * s + a.z * x);
@@ -134,7 +134,7 @@ BIG int stages(Work& w, Explicit& e, const double* tau, const double* q, const d
     return 0;
 }
 
-// What a number changes by over a substep.
+// Change of number k of the state over a substep.
 FN double grown(const Explicit& e, int k, real h) {
     return h / 6.0 * (e.rates[0][k] + 2 * e.rates[1][k] + 2 * e.rates[2][k] + e.rates[3][k]);
 }

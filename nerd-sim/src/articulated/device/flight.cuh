@@ -1,16 +1,16 @@
-// Back over Runge-Kutta's substeps, stage by stage, as articulated/slopes/explicit.rs. Gradients are by the numbers of a state, a quaternion's four
-// among them, of any size.
+// Adjoint of Runge-Kutta substeps, stage by stage, as articulated/gradients/explicit.rs. Gradients are w.r.t. the numbers
+// of a state; its quaternion may have any length.
 
 constexpr int NUMBERS = NQ + NV;
 
-// By a quaternion's numbers, from that by the turn that they make.
+// Gradient w.r.t. a rotation => w.r.t. the quaternion's numbers.
 FN void turned_back(const double* q, const real* by_turn, double* out) {
     const double turn[4] = {by_turn[0], by_turn[1], by_turn[2], 0}, scale = 2 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     product(turn, q, out);
     for (int k = 0; k < 4; k++) out[k] *= scale;
 }
 
-// Half the imaginary part of `by` with the conjugate of q.
+// Half the imaginary part of `by` times the conjugate of q.
 FN V3 half_turn(const double* by, const double* q) {
     const double conjugate[4] = {-q[0], -q[1], -q[2], q[3]};
     double out[4];
@@ -18,7 +18,7 @@ FN V3 half_turn(const double* by, const double* q) {
     return three(out) * (real)0.5;
 }
 
-// b's gradients by the numbers of a state, of which the quaternion is asked for.
+// Gradients of b => w.r.t. the numbers of a state with this quaternion; and the inverse.
 FN void to_numbers(const Back& b, const double* quaternion, double* by) {
     for (int i = 0; i < NJ; i++) by[COORDS + i] = b.pose[DOFS + i];
     for (int k = 0; k < NV; k++) by[NQ + k] = b.speed[k];
@@ -34,7 +34,7 @@ FN void from_numbers(Back& b, const double* quaternion, const double* by) {
     write3(b.pose + 3, three(by));
 }
 
-// Back over the rate of the tree's state, whose kinematics, factor and bias are there: the gradient by its numbers to `out`.
+// Adjoint of the time derivative of the tree's state, with kinematics, factor and bias known: by => out.
 BIG void rate_back(Work& w, Back& b, const double* rate, const double* by, double* out) {
     Tree& t = w.tree;
     for (int k = 0; k < NV; k++) {
@@ -59,7 +59,7 @@ BIG void rate_back(Work& w, Back& b, const double* rate, const double* by, doubl
     adjoint_begin(t, b, w.gravity);
     adjoint_end(t, b, t.qd, b.speed);
     gather(t, b.loads, b.pose);
-    // Nothing knows where its root is.
+    // The rate does not depend on the root's position.
     if (DOFS) write3(b.pose + 3, v3(0, 0, 0));
     for (int i = 0; i < NJ; i++) {
         const real own = b.own[DOFS + i], x = (real)t.q[COORDS + i], *l = LIMIT + 4 * i;
@@ -72,7 +72,7 @@ BIG void rate_back(Work& w, Back& b, const double* rate, const double* by, doubl
     for (int k = 0; DOFS && k < 4; k++) out[3 + k] -= 0.5 * spun[k];
 }
 
-// Back over a substep, whose rates are found again; 0, or a fault.
+// Adjoint of a substep; computes its rates again. Returns 0 or a fault.
 BIG int flight_back(Work& w, Back& b, const Kept& kept, const double* tau, real h) {
     Tree& t = w.tree;
     Explicit e;
@@ -86,7 +86,7 @@ BIG int flight_back(Work& w, Back& b, const Kept& kept, const double* tau, real 
     to_numbers(b, end, by_end);
     for (int k = 0; k < NUMBERS; k++) { by_state[k] = by_end[k]; by_trial[k] = 0; }
     for (int stage = 3; stage >= 0; stage--) {
-        // The last one's is still there.
+        // The tree still has the last stage.
         if (stage < 3) {
             stand(t, e, stage, kept.q, qd, h);
             kinematics(t);

@@ -1,5 +1,6 @@
-// Links of a robot on each other, as articulated/fold.rs, where the law is. FOLDS pairs of parts, each FOLD_PARTS, FOLD_EASE and FOLD_MATERIAL (with a
-// margin); by part FOLD_LINK, FOLD_OWN (first of its capsules, and end) and FOLD_BALL (centre, radius); CAPSULE: middle, half, radius.
+// Self-collision, as articulated/fold.rs, which has the law. FOLDS pairs of parts: FOLD_PARTS, FOLD_INV_MASS (w times n),
+// FOLD_MATERIAL (with a margin). Per part: FOLD_LINK, FOLD_OWN (first and end of its capsules), FOLD_BALL (centre,
+// radius). CAPSULE: middle, half axis, radius.
 
 struct Capsule { V3 middle, half; real radius; };
 
@@ -11,7 +12,7 @@ FN Capsule placed(const Tree& t, int link, int k) {
 
 FN real within(real s) { return most((real)-1, least((real)1, s)); }
 
-// The gap of two capsules, its gradient when the first moves, and the place between them.
+// Two capsules => gap (returned), its gradient w.r.t. a's position, place between them.
 FN real meets(const Capsule& a, const Capsule& b, V3& normal, V3& place) {
     const V3 u = a.half, v = b.half, apart = a.middle - b.middle;
     const real reach = a.radius + b.radius, barrel = BARREL * reach * reach;
@@ -26,11 +27,11 @@ FN real meets(const Capsule& a, const Capsule& b, V3& normal, V3& place) {
     return distance - reach;
 }
 
-// The substep that a frame begins with, before its energy asks for shorter ones.
+// First substep of a frame (s), before any refinement.
 constexpr real WHOLE = (real)(FRAME / CONTACT_SUBSTEPS);
 
-// met(a, b, m, stiffness, bound, gap, n, x, v) for what of links a and b may meet within half a time h: numbers of their material, stiffness, the bound
-// of dampings; gap and its gradient when a moves; where; how a moves there.
+// Calls met(a, b, m, stiffness, bound, gap, n, x, v) for capsules of links a and b that may meet within h / 2: material
+// m, stiffness, bound of dampings, gap, its gradient n w.r.t. a's position, place x, velocity v of a against b.
 template <class F> FN void meetings(const Tree& t, real h, const F& met) {
     for (int p = 0; p < FOLDS; p++) {
         const int first = FOLD_PARTS[2 * p], second = FOLD_PARTS[2 * p + 1], a = FOLD_LINK[first], b = FOLD_LINK[second];
@@ -40,20 +41,20 @@ template <class F> FN void meetings(const Tree& t, real h, const F& met) {
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
         const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach) + m[4];
         if (norm(one - other) > reach + way) continue;
-        const real ease = WHOLE * FOLD_EASE(t)[p], stiffness = least(m[0], STIFFEST / ease / WHOLE);
+        const real inv_mass = WHOLE * FOLD_INV_MASS(t)[p], stiffness = least(m[0], STIFFEST / inv_mass / WHOLE);
         for (int k = FOLD_OWN[2 * first]; k < FOLD_OWN[2 * first + 1]; k++) {
             const Capsule mine = placed(t, a, k);
             if (norm(mine.middle - other) > norm(mine.half) + mine.radius + balls[1][3] + way) continue;
             for (int l = FOLD_OWN[2 * second]; l < FOLD_OWN[2 * second + 1]; l++) {
                 V3 n, x;
                 const real gap = meets(mine, placed(t, b, l), n, x) - m[4];
-                met(a, b, m, stiffness, FOLLOWED / ease, gap, n, x, at(twist, x));
+                met(a, b, m, stiffness, FOLLOWED / inv_mass, gap, n, x, at(twist, x));
             }
         }
     }
 }
 
-// Into w.external, what links do to each other in a substep h in whose middle they are now.
+// Forces between links, in the middle of a substep h => w.external.
 BIG void fold(Work& w, real h) {
     for (int i = 0; i < NL; i++) w.external[FOLDS ? i : 0] = wrench(v3(0, 0, 0), v3(0, 0, 0));
     meetings(w.tree, h, [&](int a, int b, const real* m, real stiffness, real bound, real gap, V3 n, V3 x, V3 v) {
@@ -64,6 +65,6 @@ BIG void fold(Work& w, real h) {
         const V3 slip = v - n * vn, f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, m[3]), turn = cross(x, f);
         w.external[a] = w.external[a] + wrench(turn, f);
         w.external[b] = wrench(w.external[b].ang - turn, w.external[b].lin - f);
-        w.eventful = true;
+        w.may_gain_energy = true;
     });
 }

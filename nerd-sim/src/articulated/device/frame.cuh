@@ -1,7 +1,7 @@
-// One frame of one environment. SUBSTEPS and CONTACT_SUBSTEPS are the solver's settings; WATCHED: no frame may give
-// energy; HELD tells of a joint with dry friction or a spring, or of links that may touch each other.
+// One frame of one environment. SUBSTEPS and CONTACT_SUBSTEPS are settings. WATCHED: no frame may gain energy. HELD: a
+// joint has dry friction or a spring, or links may touch each other.
 
-// A floating root's velocity (w, v) about the world's origin to (w, p_dot), or back.
+// Velocity of a floating root: (w, v) about the world's origin => (w, p_dot), or back (sign -1).
 FN void about(const double* p, double* qd, double sign) {
     if (!DOFS) return;
     qd[3] += sign * (qd[1] * p[2] - qd[2] * p[1]);
@@ -9,6 +9,7 @@ FN void about(const double* p, double* qd, double sign) {
     qd[5] += sign * (qd[0] * p[1] - qd[1] * p[0]);
 }
 
+// State => tree, in local velocities.
 FN void take(Tree& t, const double* state) {
     double qd[NV];
     for (int k = 0; k < NV; k++) qd[k] = state[NQ + k];
@@ -18,7 +19,7 @@ FN void take(Tree& t, const double* state) {
     t.centre = v3(0, 0, 0);
 }
 
-// Writes the tree's state, if it is one; 0 or GONE.
+// Tree => state, if finite. Returns 0 or GONE.
 FN int give(const Tree& t, double* state) {
     double qd[NV];
     for (int k = 0; k < NV; k++) qd[k] = t.qd[k];
@@ -37,28 +38,30 @@ FN void wrap(double* state) {
 
 constexpr int MOST_SUBSTEPS = SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS;
 
-// One try of a frame from `state`, which the tree has been given, with `finer` times the substeps; 0, or why not.
+// Tries a frame with `finer` times the substeps; the tree holds `state`. Returns 0 or a fault.
 template <class K>
 BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, double* forces, int finer, const K& keeper) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
-    w.eventful = false;
-    w.even = finer > 1;
+    w.may_gain_energy = w.touched = false;
+    w.mean_theta = finer > 1;
     w.work = w.effort = 0;
     if (HELD || DRIVEN || touching) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
-    for (int k = DOFS; k < NV; k++) w.eventful = w.eventful || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > WHIRL_RK4;
+    for (int k = DOFS; k < NV; k++) w.may_gain_energy = w.may_gain_energy || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > FAST_TURN_RK4;
     Explicit e;
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
     const int more = DOFS ? turned(norm(read3(w.tree.qd)) * (real)(FRAME / (SUBSTEPS * finer)), K::most / (SUBSTEPS * finer)) : 1;
+    w.may_gain_energy = w.may_gain_energy || more > 1;
     const int done = runge_kutta(w, e, scene, tau, SUBSTEPS * finer * more, keeper);
     if (done != STIFF) return done;
     take(w.tree, state);
     return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
-// Times as many substeps that the frame from `state` to where the tree is, in so many of them, needs to give no energy.
+// Factor (a power of two) on the substeps that the frame from `state` to the tree's state needs to gain no energy; and
+// w.velocity_factor, the factor on velocities that removes the gain.
 BIG int refine(Work& w, const double* state, const double* scene, int substeps, int finest) {
     Tree& t = w.tree;
     double q[NQ], work = w.work, effort = w.effort, mass = 0;
@@ -77,29 +80,44 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
     for (int k = 0; k < NV; k++) t.qd[k] = qd[k];
     for (int i = 0; i < NL; i++) mass += MASS(t)[i];
     const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
-    const double gain = after.lively - before.lively + (after.high - before.high) - work;
-    const double lively = before.lively > after.lively ? before.lively : after.lively;
-    double allowed = SHARE * lively + LABOUR * effort + FALL * fallen;
+    // Kinetic and spring energy without a gain.
+    const double expected = before.kinetic_and_springs + work - (after.potential - before.potential), gain = after.kinetic_and_springs - expected;
+    const double scale = before.kinetic_and_springs > expected ? before.kinetic_and_springs : expected;
+    double allowed = (NP > 0 && NC > 0 && scene[3] != 0 || FOLDS ? GAIN_TOLERANCE : GAIN_TOLERANCE_FREE) * scale + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen;
+    const double over = gain <= allowed ? 0 : gain - allowed;
+    w.velocity_factor = over < after.kinetic && over < scale ? (real)sqrt(1 - over / after.kinetic) : over == 0;
     int times = 1;
-    for (; !(gain <= allowed) && times * substeps < finest; times *= 2) allowed *= 4;
+    for (; !(gain <= allowed && gain - gain == 0) && times * substeps < finest; times *= 2) allowed *= 4;
     return times;
 }
 
-// Moves the tree from `state`, which it has been given; 0, or why not: 1 + the DoF at which the mass matrix is none, LOST. A frame that gives
-// energy is stepped anew with more substeps.
+// Steps the tree, which holds `state`, with more substeps while the frame gains energy. Returns 0, LOST, or 1 + the DoF
+// where the mass matrix is not positive definite.
 template <class K>
 BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, const K& keeper) {
-    bool eventful = false, terrain = false;
+    bool may_gain_energy = false, terrain = false;
     ask(w, state, tau, scene, drives);
     for (int finer = 1;;) {
         const int done = attempt(w, state, tau, scene, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
-        for (int c = 0; FIELDS && c < w.surfaces; c++) terrain = terrain || w.surface[c].kind == 4;
-        const int finest = terrain ? ROUGHEST : FINEST;
-        if (!WATCHED || substeps >= (done ? FINEST : finest) || 2 * substeps > K::most) return done;
-        eventful = eventful || w.eventful;
-        int times = done ? 2 : eventful ? refine(w, state, scene, substeps, finest) : 1;
+        bool lost = done != 0;
+        for (int k = 0; k < NV; k++) lost = lost || !(w.tree.qd[k] - w.tree.qd[k] == 0);
+        // Distances jump between faces of a shape and cells of a height field.
+        for (int c = 0; NP > 0 && scene[3] != 0 && c < w.surfaces; c++) {
+            terrain = terrain || w.surface[c].kind == 4;
+            may_gain_energy = may_gain_energy || w.surface[c].kind != 1;
+        }
+        const int finest = terrain && w.touched ? MAX_REFINED_TERRAIN : MAX_REFINED;
+        w.velocity_factor = 1;
+        if (!WATCHED || lost && substeps >= MAX_REFINED || 2 * substeps > K::most && substeps < finest) return done;
+        may_gain_energy = may_gain_energy || w.may_gain_energy;
+        int times = lost ? 2 : may_gain_energy ? refine(w, state, scene, substeps, finest) : 1;
         while (times * substeps > K::most) times /= 2;
-        if (times == 1) return 0;
+        if (times == 1) {
+            // Kinetic energy cannot pay for the gain: the frame ends where it began, at rest.
+            if (w.velocity_factor == 0) { take(w.tree, state); keeper.begin(true, 0); }
+            for (int k = 0; k < NV; k++) w.tree.qd[k] *= w.velocity_factor;
+            return done;
+        }
         finer *= times;
         take(w.tree, state);
     }
@@ -107,7 +125,7 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
 
 static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; step it on the CPU");
 
-// Advances `state`; 0, or why not.
+// Steps `state` by one frame. Returns 0 or a fault.
 BIG int frame(double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     Work w;
     know(w.tree, scene);

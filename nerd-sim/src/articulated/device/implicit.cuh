@@ -1,10 +1,10 @@
-// A substep that looks ahead, as articulated/implicit.rs, where the equations are.
+// Implicit substeps, as articulated/implicit.rs, which has the equations.
 
-// The share of a spring with z = h^2 k w: it keeps energy, or loses it where the substep is too long to follow it.
-FN real foresight(real z) { return most((real)0.5 - (real)0.5 * inverse(z), EVEN); }
+// theta of a spring with z = h^2 k w: MEAN_THETA keeps its energy; a larger theta, for a spring too stiff for h, loses some.
+FN real spring_theta(real z) { return most((real)0.5 - (real)0.5 * inverse(z), MEAN_THETA); }
 
-// x^T M^-1 x = |L^-T x|^2 of what is zero but for a DoF and those above it.
-template <class I> FN real eased(const Tree& t, I last, real* x) {
+// x^T M^-1 x = |L^-T x|^2 for an x that is zero except at DoF `last` and above.
+template <class I> FN real inv_mass(const Tree& t, I last, real* x) {
     real sum = 0;
     upward(last, [&](auto i) {
         x[i] *= t.factor[LOWER(i, i)];
@@ -14,7 +14,8 @@ template <class I> FN real eased(const Tree& t, I last, real* x) {
     return sum;
 }
 
-// The inverse of the mass matrix alone, if it is not there yet, and w of each joint by it.
+// Factor of the mass matrix without contacts, unless known, and w of the joints => w.alone. False if not positive
+// definite.
 BIG bool plain(Work& w) {
     Tree& t = w.tree;
     if (w.plain) return true;
@@ -24,43 +25,61 @@ BIG bool plain(Work& w) {
         for (int i = 0; i < NJ; i++) w.alone[i] = (real)w.along.alone[i + FIRST];
         return true;
     }
-    onward<DOFS, NV>([&](auto k) {
+    for_up<DOFS, NV>([&](auto k) {
         real x[NV];
         upward(k, [&](auto i) { x[i] = 0; });
         x[k] = 1;
-        w.alone[k - DOFS] = eased(t, k, x);
+        w.alone[k - DOFS] = inv_mass(t, k, x);
     });
     return true;
 }
 
-// Dampings of the joints, and shares of their dampers and springs.
+// Damping of each joint, theta of its damper and spring => w.damping_used, w.damper, w.spring. False as `plain`.
 BIG bool damp(Work& w, real h) {
     for (int i = 0; i < NJ; i++) {
-        w.braked[i] = DAMPING(w.tree)[i]; w.damper[i] = (real)0.5; w.spring[i] = EVEN;
+        w.damping_used[i] = DAMPING(w.tree)[i]; w.damper[i] = (real)0.5; w.spring[i] = MEAN_THETA;
         if (h * most(DAMPING(w.tree)[i], h * SPRING[i]) <= LEAST(w.tree)[i]) continue;
         if (!plain(w)) return false;
-        const real ease = w.alone[i];
-        const real soft = h * h * SPRING[i] * ease;
-        w.braked[i] = most(DAMPING(w.tree)[i], h * SPRING[i] * least(soft, CALM));
-        const real z = h * w.braked[i] * ease;
+        const real inv_mass = w.alone[i];
+        const real soft = h * h * SPRING[i] * inv_mass;
+        w.damping_used[i] = most(DAMPING(w.tree)[i], h * SPRING[i] * least(soft, MAX_SPRING_DAMPING));
+        const real z = h * w.damping_used[i] * inv_mass;
         w.damper[i] = z > 1 ? -1 / expm1(-z) - 1 / z : (real)0.5;
-        w.spring[i] = foresight(soft);
+        w.spring[i] = spring_theta(soft);
     }
     return true;
 }
 
-// w of a point's touch by it.
-template <class I> FN real eased(const Tree& t, const Touch& touch, I link) {
-    V3 a[NV];
+// w of a contact along a direction, from the columns a of its Jacobian.
+template <class I> FN real inv_mass(const Tree& t, const V3* a, V3 direction, I last) {
     real x[NV];
-    columns(t, link, touch.x, a);
-    const auto last = last_dof(link);
-    upward(last, [&](auto k) { x[k] = dot(touch.normal, a[k]); });
-    return eased(t, last, x);
+    upward(last, [&](auto k) { x[k] = dot(direction, a[k]); });
+    return inv_mass(t, last, x);
 }
 
-// How far ahead each force must look to be stable.
-BIG bool weigh(Work& w, real h) {
+// w along the normal; sum of w over both directions across it.
+struct InvMass { real along, across; };
+template <class I> FN InvMass inv_mass(const Work& w, const Touch& t, I link) {
+    const V3 n = t.normal, s = v3(size(n.x), size(n.y), size(n.z));
+    V3 one = cross(n, s.x <= s.y && s.x <= s.z ? unit(0) : s.y <= s.z ? unit(1) : unit(2));
+    one = one * (1 / norm(one));
+    const V3 other = cross(n, one);
+    InvMass e;
+    if constexpr (ALONG) {
+        e.along = (real)inv_mass(w.along, t.link, t.x, n);
+        e.across = (real)(inv_mass(w.along, t.link, t.x, one) + inv_mass(w.along, t.link, t.x, other));
+    } else {
+        V3 a[NV];
+        columns(w.tree, link, t.x, a);
+        const auto last = last_dof(link);
+        e.along = inv_mass(w.tree, a, n, last);
+        e.across = inv_mass(w.tree, a, one, last) + inv_mass(w.tree, a, other, last);
+    }
+    return e;
+}
+
+// Chooses theta of spring, damper and drag so that the step is stable. False as `plain`.
+BIG bool set_thetas(Work& w, real h) {
     bool fresh = false;
     if (DRIVEN) fresh = w.weight[DRIVEN_AT] < 0;
     for (int n = 0; n < w.touches; n++) fresh = fresh || w.weight[w.touch[n].index] < 0;
@@ -68,7 +87,10 @@ BIG bool weigh(Work& w, real h) {
         if (!plain(w)) return false;
         const auto known = [&](int index, real weight) { w.weight[index] = weight > 0 ? weight : infinite(); };
         points(w, [&](const Touch& t, auto link) {
-            if (w.weight[t.index] < 0) known(t.index, ALONG ? (real)eased(w.along, t.link, t.x, t.normal) : eased(w.tree, t, link));
+            if (!(w.weight[t.index] < 0)) return;
+            const InvMass e = inv_mass(w, t, link);
+            known(t.index, e.along);
+            w.slide[t.index] = e.across;
         });
         for (int n = w.points; n < w.touches; n++) {
             const Touch& t = w.touch[n];
@@ -80,34 +102,45 @@ BIG bool weigh(Work& w, real h) {
         Touch& t = w.touch[n];
         const real weight = w.weight[t.index];
         const real vn = dot(t.normal, t.velocity);
-        // Beyond its surface for a part of the substep, if its gap at one end is positive.
-        if (t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
-        if (vn >= 0 && !t.sticky) t.damping = t.stiffness * t.release;
+        // Outside its surface for a part of the substep, if the gap is positive at one end.
+        if (t.gap + (real)0.5 * h * size(vn) > 0) w.may_gain_energy = true;
+        if (!t.sticky) t.damping = vn < 0 ? t.approach : t.stiffness * t.release;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
-        t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
+        if (n < w.points) {
+            t.friction_damping = STICK_DRAG / (h * most(w.slide[t.index], MIN_INV_MASS));
+            hold(t, w.pressed[t.index]);
+            t.slip_offset_start = t.slip_offset;
 #if TURNS
-        if (turns(t)) turn_drags(t, normal, t.spin, t.about, t.turning);
+            wind(t, w.turn_offset[t.index]);
+            t.turn_offset_start = t.turn_offset;
 #endif
-        t.ahead[0] = foresight(h * h * t.stiffness * weight);
-        t.ahead[1] = most(1 - 1 / (h * t.damping * weight), (real)0.5);
-        t.ahead[2] = most(1 - 1 / (h * t.across * weight), (real)0.5);
-        if (w.even && (t.link >= 0 || t.sticky)) { t.ahead[0] = EVEN; t.ahead[1] = t.ahead[2] = (real)0.5; }
+        }
+        t.drag = drag(normal, norm(t.velocity - t.normal * vn - t.slip_offset), t.friction_damping, t.friction);
+#if TURNS
+        if (turns(t)) turn_drags(t, normal, t.spin - t.turn_offset, false, t.about, t.turning);
+#endif
+        t.theta[0] = spring_theta(h * h * t.stiffness * weight);
+        // Contacts too stiff for h gain no energy alone, but several on one body may.
+        w.may_gain_energy = w.may_gain_energy || n < w.points && t.theta[0] > MEAN_THETA;
+        t.theta[1] = damper_theta(h, t.damping, weight, false);
+        t.theta[2] = most(1 - 1 / (h * t.drag * weight), (real)0.5);
+        if (w.mean_theta && (t.link >= 0 || t.sticky)) { t.theta[0] = MEAN_THETA; t.theta[1] = t.theta[2] = (real)0.5; }
     }
     Drives& d = w.drives;
     for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) d.held[k] = 0;
-    onward<0, DRIVES>([&](auto i) {
+    for_up<0, DRIVES>([&](auto i) {
         const real weight = w.weight[DRIVEN_AT + i], v = w.tree.qd[DOFS + i], gap = (real)(w.tree.q[COORDS + i] - d.target[i]), effort = d.effort[i];
-        d.ahead[0][i] = foresight(h * h * d.kp[i] * weight);
-        d.ahead[1][i] = most(1 - inverse(h * d.kd[i] * weight), (real)0.5);
+        d.theta[0][i] = spring_theta(h * h * d.kp[i] * weight);
+        d.theta[1][i] = most(1 - inverse(h * d.kd[i] * weight), (real)0.5);
         d.torque[i] = -(d.kp[i] * gap + d.kd[i] * (v - d.speed[i]));
-        d.resists[i] = d.ahead[0][i] * h * d.kp[i] + d.ahead[1][i] * d.kd[i];
+        d.resists[i] = d.theta[0][i] * h * d.kp[i] + d.theta[1][i] * d.kd[i];
         d.low[i] = v < -TOP[i] ? 0 : -effort;
         d.high[i] = v > TOP[i] ? 0 : effort;
     });
     return true;
 }
 
-// A point's `start` and `turn`, at velocities w.middle; the root's turn is one part.
+// A contact's `start` and `turn` at velocities w.middle; `turned` is the root's w x v.
 FN void bend(Work& w, Touch& t, V3 turned, real h) {
     const Tree& tr = w.tree;
     const int point = t.index / w.surfaces;
@@ -121,16 +154,17 @@ FN void bend(Work& w, Touch& t, V3 turned, real h) {
     t.turn = turned + bent;
 }
 
-// What the joints' own dampers and springs resist with.
+// Adds the implicit terms of the joints' own dampers and springs to the matrix.
 FN void share(Work& w, real h) {
-    onward<0, NJ>([&](auto i) {
-        const real share = w.damper[i] * h * w.braked[i] + w.spring[i] * h * h * SPRING[i];
+    for_up<0, NJ>([&](auto i) {
+        const real share = w.damper[i] * h * w.damping_used[i] + w.spring[i] * h * h * SPRING[i];
         if (ALONG) w.along.dampers[i] = share;
         else w.tree.mass[LOWER(DOFS + i, DOFS + i)] += share;
     });
 }
 
-// w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
+// Solves for w.rate, the rate of local velocities with forces in the substep's middle. Returns 1; 0: the substep is too
+// long; -1: the matrix is not positive definite.
 BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
     Tree& tr = w.tree;
     share(w, h);
@@ -140,42 +174,46 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
     const bool spinning = spins(tr.qd, h);
     Spin whole;
     if (spinning) whole = spin(tr);
-    w.eventful = w.eventful || spinning;
+    w.may_gain_energy = w.may_gain_energy || spinning;
     for (int pass = 0; pass < PASSES + (spinning ? SPIN_PASSES : 0); pass++) {
         if (stale) {
             if (all && pass) {
                 w.twice = true;
                 w.once = pass == 1;
                 for (int k = 0; k < NV; k++) w.guess[k] = w.rate[k];
+                for (int k = 0; k < w.points; k++) hold(w.touch[k], w.touch[k].force * HELD_FACTOR);
+#if TURNS
+                for (int k = 0; k < w.points; k++) wind(w.touch[k], w.touch[k].torque * HELD_FACTOR);
+#endif
                 for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
             }
-            if (all) onward<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
+            if (all) for_up<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
             if (turns) { w.middle[0] = next.x; w.middle[1] = next.y; w.middle[2] = next.z; }
             bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
-            // The derivative of a velocity that moves along is the spatial acceleration and w x v.
+            // A root's p_ddot is its spatial acceleration plus w x v.
             if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
             for (int k = 0; k < w.points; k++) bend(w, w.touch[k], turned, h);
-            onward<0, NV>([&](auto k) { w.right[k] = -tr.tau[k]; });
-            onward<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i]; });
+            for_up<0, NV>([&](auto k) { w.right[k] = -tr.tau[k]; });
+            for_up<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
-        const bool changed = judge(w, h, settled);
+        const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
-            // A chain may whip: then the rate of the substep before says little of this one's middle.
+            // In a chain that whips, the rate of the substep before does not predict this middle.
             real jump = 0;
-            onward<DOFS, NV>([&](auto k) { jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k])); });
+            for_up<DOFS, NV>([&](auto k) { jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k])); });
             jump *= h;
             found = jump <= FAR_OFF;
-            // What changed because a point has parted is no whip.
+            // A change because a contact separated is no whip.
             if (!(jump - jump == 0) || (corrected && quiet && !found)) return 0;
             correct = correct || jump > (corrected ? FAR_OFF : OFF);
             quiet = !changed;
         }
-        onward<0, NV>([&](auto k) { w.rate[k] = w.qdd[k]; });
+        for_up<0, NV>([&](auto k) { w.rate[k] = w.qdd[k]; });
         if (DOFS) {
             w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
         }
-        // The rate that an unbounded drive would give says nothing of the middle.
+        // The rate under a drive beyond its bounds does not predict the middle.
         const bool wait = DRIVEN && changed;
         turns = spinning && !(correct && wait) && spun(whole, tr.qd, w.middle, w.rate, h, next);
         if (!changed && !correct && !turns) return 1;
@@ -184,20 +222,24 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
         corrected = corrected || all;
         stale = all || turns;
     }
-    w.eventful = true;
+    w.may_gain_energy = true;
     return found;
 }
 
-// A frame of so many substeps, each in halves while it is too long to be solved.
+// A frame of implicit substeps, each halved while too long to solve. Returns 0 or a fault.
 template <class K>
 BIG int implicit(Work& w, const double* scene, double* forces, int substeps, const K& keeper) {
     Tree& tr = w.tree;
-    const int whole = 1 << HALVINGS;
-    int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
-    real shared = 0;               // the length for which dampers are known
+    const int whole = 1 << MAX_HALVINGS;
+    int halved = 0, done = 0;      // halvings of this substep; its finished part, in units of 1 / whole
+    real shared = 0;               // substep with known dampers (s)
     keeper.begin(true, substeps);
     centre(tr, 1);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
+    for (int k = 0; k < PAIRS; k++) w.pressed[k] = v3(0, 0, 0);
+#if TURNS
+    for (int k = 0; k < PAIRS; k++) w.turn_offset[k] = v3(0, 0, 0);
+#endif
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;
         const real h = (real)(FRAME / substeps / (1 << halved));
@@ -214,25 +256,32 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
             if (!damp(w, h)) return 1 + tr.lost;
             shared = h;
         }
-        if (!weigh(w, h)) return 1 + tr.lost;
+        if (!set_thetas(w, h)) return 1 + tr.lost;
         if (first) for (int k = 0; k < NV; k++) w.rate[k] = 0;
         const int found = accelerate_ahead(w, h, first, SETTLED / substeps);
         if (found < 0) return 1 + tr.lost;
-        if (!found && halved < HALVINGS) {
+        if (!found && halved < MAX_HALVINGS) {
             for (int k = 0; k < NQ; k++) tr.q[k] = w.before[k];
             halved++;
             continue;
         }
-        onward<0, DRIVES>([&](auto i) {
+        for_up<0, DRIVES>([&](auto i) {
             const real change = h * w.rate[DOFS + i], torque = w.drives.torque[i] - w.drives.resists[i] * change;
             const real work = torque * h * (tr.qd[DOFS + i] + (real)0.5 * change);
             w.work += work;
             w.effort += size(work);
         });
         keeper.ends(w, substep, h);
-        onward<0, NV>([&](auto k) {
+        for (int k = 0; k < w.points; k++) {
+            w.pressed[w.touch[k].index] = w.touch[k].force;
+#if TURNS
+            w.turn_offset[w.touch[k].index] = w.touch[k].torque;
+#endif
+            w.touched = w.touched || !w.touch[k].parted;
+        }
+        for_up<0, NV>([&](auto k) {
             const real before = tr.qd[k], after = before + h * w.rate[k];
-            if (k >= DOFS && h * most(size(before), size(after)) > WHIRL) w.eventful = true;
+            if (k >= DOFS && h * most(size(before), size(after)) > FAST_TURN) w.may_gain_energy = true;
             tr.qd[k] = after;
         });
         if (forces)
@@ -243,7 +292,7 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
                 f[0] += t.force.x * share; f[1] += t.force.y * share; f[2] += t.force.z * share;
             }
         drift(tr, (real)0.5 * h);
-        // The second half of something is its end.
+        // The end of a second half is the end of the whole.
         done += whole >> halved;
         while (halved > 0 && done % (2 * whole >> halved) == 0) halved--;
         if (done == whole) { done = 0; substep++; }

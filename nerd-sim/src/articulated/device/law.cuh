@@ -1,4 +1,4 @@
-// Slopes of what touches do in a substep, by what they see, as articulated/slopes/law.rs, where they are explained.
+// Derivatives of contact and joint forces in a substep, as articulated/gradients/law.rs.
 
 FN M3 outer(V3 a, V3 b) {
     M3 m = {{a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.x, a.y * b.y, a.y * b.z, a.z * b.x, a.z * b.y, a.z * b.z}};
@@ -23,15 +23,15 @@ FN Drag dragged(real normal, real speed, real friction_damping, real friction) {
     return d;
 }
 
-// A share of a stiffness or damping x at a weight w, unless it is the least one.
+// Gradient w.r.t. theta => added to those w.r.t. x (stiffness or damping) and w, unless theta is at its lower bound.
 template <class T> FN void shared(real share, real bound, real top, real x, real w, T by_share, T& by_own, T& by_weight) {
     if (!(share > bound)) return;
     by_own = by_own + by_share * ((top - share) / x);
     by_weight = by_weight + by_share * ((top - share) / w);
 }
 
-// The part of a substep in which a touch is inside, and its mean gap there, by the gap in the middle: `by_gap` becomes that by the middle.
-// Adds to what is by the size of half a substep's change; false of what is inside all the time.
+// Derivatives of touch.cuh's `inside`: by_gap, w.r.t. the mean gap, becomes the gradient w.r.t. the gap in the middle;
+// by_half is the one w.r.t. the size of half its change. False if inside for all of the substep.
 template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& by_half) {
     half = size(half);
     if (!(gap + half > 0)) return false;
@@ -41,20 +41,24 @@ template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& 
     return true;
 }
 
-// Of a point's force: by `h J qdd` and by `h w x v`; by its velocity at the start and what that bends by; by the gap in the middle; by w.
-struct Law { V3 force, by_gap, by_weight; M3 by_change, by_velocity, by_bend; };
+// A contact's force and its derivatives w.r.t.: gap in the middle, weight w, w across the normal; change h J qdd (or
+// the root's h w x v) of the velocity, velocity at the start, its rate at zero qdd, held force.
+struct Law { V3 force, by_gap, by_weight, by_across; M3 by_change, by_velocity, by_bend, by_held; };
 
-template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool even, const M* material, Law& law) {
+template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool again, bool mean_theta, const M* material, Law& law) {
     const V3 n = t.normal;
-    const real k = t.stiffness, d = t.damping, spring = t.ahead[0], damper = t.ahead[1], slide = t.ahead[2];
+    const real k = t.stiffness, spring = t.theta[0], slide = t.theta[2];
     change = change + t.turn * h;
-    const real vn = dot(n, t.start), dn = dot(n, change);
+    const real vn = dot(n, t.start), dn = dot(n, change), released = k * t.release;
+    const bool then_parting = dot(n, t.velocity) >= 0, parting = first ? then_parting : parts(t, vn, dn, h, weight, mean_theta);
+    const real d_then = then_parting ? released : t.approach, d = parting ? released : t.approach;
+    const real damper = damper_theta(h, d, weight, mean_theta);
     const real normal = -(k * (t.gap + spring * h * dn) + d * (vn + damper * dn));
-    const V3 seen = t.start + change * slide, slip = seen - n * dot(n, seen);
+    const V3 seen = t.start + change * slide - t.slip_offset, slip = seen - n * dot(n, seen);
     const real vn_then = dot(n, t.velocity);
-    const V3 slip_then = t.velocity - n * vn_then;
+    const V3 slip_then = t.velocity - n * vn_then - t.slip_offset_start;
     const real speed_then = norm(slip_then);
-    const Drag then = dragged(-(k * t.gap + d * vn_then), speed_then, t.friction_damping, t.friction);
+    const Drag then = dragged(-(k * t.gap + d_then * vn_then), speed_then, t.friction_damping, t.friction);
     Drag now = {then.value, 0, 0, 0};
     if (!first) now = dragged(normal, norm(slip), t.friction_damping, t.friction);
     law.force = n * normal - slip * now.value;
@@ -67,34 +71,45 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     const M3 by_start = sum(by_slip, pressed, -d);
     for (int i = 0; i < 9; i++) law.by_change.m[i] = by_slip.m[i] * slide - pressed.m[i] * (k * spring * h + d * damper);
     V3 by_gap = by_normal * -k, by_k = by_normal * -(t.gap + spring * h * dn), by_d = by_normal * -(vn + damper * dn);
-    V3 by_drag = slip * -now.by_damping, by_then = first ? slip * (real)-1 : v3(0, 0, 0);
+    V3 by_stick = slip * -now.by_damping, by_then = first ? slip * (real)-1 : v3(0, 0, 0);
     law.by_weight = v3(0, 0, 0);
-    if (!even) {
-        shared(spring, EVEN, (real)0.5, k, weight, by_normal * -(k * h * dn), by_k, law.by_weight);
+    if (!mean_theta) {
+        shared(spring, MEAN_THETA, (real)0.5, k, weight, by_normal * -(k * h * dn), by_k, law.by_weight);
         shared(damper, (real)0.5, (real)1, d, weight, by_normal * -(d * dn), by_d, law.by_weight);
         shared(slide, (real)0.5, (real)1, then.value, weight, by_slip * change, by_then, law.by_weight);
     }
     const V3 normal_then = by_then * then.by_normal;
     by_gap = by_gap - normal_then * k;
     by_k = by_k - normal_then * t.gap;
-    by_d = by_d - normal_then * vn_then;
-    by_drag = by_drag + by_then * then.by_damping;
-    V3 by_vn = normal_then * -d, by_half;
-    const V3 by_part = by_k * (real)material[0] + by_d * (real)(vn_then < 0 ? material[1] : material[0] * material[7]) + by_drag * (real)material[2];
+    V3 by_vn = normal_then * -d_then, by_half;
+    const real approach = (real)material[1], release = (real)(material[0] * material[7]);
+    const V3 by_part = by_k * (real)material[0] + by_d * (parting ? release : approach) - normal_then * (vn_then * (then_parting ? release : approach));
     if (parted(t.gap, (real)0.5 * h * vn_then, by_part, by_gap, by_half)) by_vn = by_vn + by_half * ((vn_then < 0 ? -1 : 1) * (real)0.5 * h);
     law.by_gap = by_gap;
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
-    if (speed_then > 0) law.by_velocity = sum(law.by_velocity, outer(by_then, slip_then), then.by_speed / speed_then);
+    const real c = t.friction_damping;
+    law.by_held = by_slip;
+    // The slip offset is the held force over the drag.
+    by_stick = by_stick + by_then * then.by_damping + by_slip * t.slip_offset * (c > 0 ? 1 / c : 0);
+    if (speed_then > 0) {
+        const M3 own = outer(by_then, slip_then);
+        law.by_velocity = sum(law.by_velocity, own, then.by_speed / speed_then);
+        by_stick = by_stick + own * t.slip_offset_start * (then.by_speed / speed_then * (c > 0 ? 1 / c : 0));
+        if (!again) law.by_held = sum(law.by_held, own, then.by_speed / speed_then);
+    }
+    for (int i = 0; i < 9; i++) law.by_held.m[i] *= c > 0 ? -1 / c : 0;
+    law.by_across = by_stick * (-c * (c * h / STICK_DRAG));
     for (int i = 0; i < 9; i++) law.by_bend.m[i] = (law.by_change.m[i] - (real)0.5 * by_start.m[i]) * h;
 }
 
 #if TURNS
-// Of a point's torque, as articulated/slopes/turn.rs: by the change `h J qdd` of its link's turn, by that at the start; by the normal force, which is that
-// of the law, or with `first` that of the substep's start, by the gap in the middle and by the velocity along the normal.
-struct TurnLaw { V3 torque, by_press; M3 by_change, by_spin; real by_gap, by_vn; };
+// A contact's torque, as articulated/gradients/turn.rs, and its derivatives w.r.t.: normal force (of `law`; with `first`,
+// at the start), w across the normal; h J qdd of the link's angular velocity, that velocity at the start, held torque.
+// by_gap, by_vn: of the normal force w.r.t. gap and normal velocity, with `first`.
+struct TurnLaw { V3 torque, by_press, by_across; M3 by_change, by_spin, by_held; real by_gap, by_vn; };
 
-template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, const M* material, const Law& law, TurnLaw& own) {
-    const V3 n = t.normal, seen = t.spin + change, spin = first ? t.spin : seen;
+template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, bool again, const M* material, const Law& law, TurnLaw& own) {
+    const V3 n = t.normal, seen = t.spin + change - t.turn_offset, slip = first ? t.spin - t.turn_offset_start : seen;
     real press = most(dot(n, law.force), 0);
     own.by_gap = own.by_vn = 0;
     if (first) {
@@ -109,26 +124,32 @@ template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool fir
             press = 0;
         }
     }
-    const real about = dot(n, seen), about_then = dot(n, spin);
-    const V3 across = seen - n * about, across_then = spin - n * about_then;
-    const real fast = size(about_then), faster = norm(across_then), ease = 1 / most(fast, CREEP), ease_across = 1 / most(faster, CREEP);
-    const real drag = t.torsion * press * ease, drag_across = t.rolling * press * ease_across;
-    const V3 by_fast = fast > CREEP ? n * (-drag / about_then) : v3(0, 0, 0);
-    const V3 by_faster = faster > CREEP ? across_then * (-drag_across / (faster * faster)) : v3(0, 0, 0);
+    const real about = dot(n, seen), about_then = dot(n, slip), c = sticks(t);
+    const V3 across = seen - n * about, across_then = slip - n * about_then;
+    const real faster = norm(across_then);
+    const Drag drag = dragged(press, size(about_then), stick(t, t.torsion), t.torsion), turning = dragged(press, faster, stick(t, t.rolling), t.rolling);
+    const V3 by_fast = n * (about_then < 0 ? -drag.by_speed : drag.by_speed);
+    const V3 by_faster = turning.by_speed == 0 ? v3(0, 0, 0) : across_then * (turning.by_speed / faster);
     const M3 nn = outer(n, n);
-    for (int i = 0; i < 9; i++) own.by_spin.m[i] = nn.m[i] * (drag_across - drag) - (i % 4 == 0 ? drag_across : 0);
-    own.torque = own.by_spin * seen;
-    own.by_change = own.by_spin;
-    own.by_spin = sum(sum(own.by_spin, outer(n, by_fast), -about), outer(across, by_faster), -1);
-    if (!first) own.by_change = own.by_spin;
-    own.by_press = n * (-about * ease * t.torsion) - across * (ease_across * t.rolling);
+    for (int i = 0; i < 9; i++) own.by_held.m[i] = nn.m[i] * (turning.value - drag.value) - (i % 4 == 0 ? turning.value : 0);
+    own.torque = own.by_held * seen;
+    own.by_spin = sum(sum(own.by_held, outer(n, by_fast), -about), outer(across, by_faster), -1);
+    own.by_change = first ? own.by_held : own.by_spin;
+    own.by_press = n * (-about * drag.by_normal) - across * turning.by_normal;
+    // The offset is the held torque over the sticking drag.
+    own.by_across = n * (drag.value > 0 ? -about * drag.by_damping : 0) - across * (turning.value > 0 ? turning.by_damping : 0);
+    own.by_across = own.by_across + own.by_change * t.turn_offset * (1 / c);
+    if (first) own.by_across = own.by_across + sum(own.by_spin, own.by_held, -1) * t.turn_offset_start * (1 / c);
+    own.by_across = own.by_across * (-c * (t.friction_damping * h / STICK_DRAG));
+    own.by_held = first && again ? own.by_held : own.by_spin;
+    for (int i = 0; i < 9; i++) own.by_held.m[i] *= -1 / c;
 }
 #endif
 
-// Of a torque at a joint: by `h qdd`, by its coordinate and rate, by w.
+// Derivatives of a joint's torque w.r.t. h qdd, coordinate, rate and w.
 struct JointLaw { real by_change, by_gap, by_rate, by_weight; };
 
-FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool first, bool even) {
+FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool first, bool mean_theta) {
     JointLaw law = {0, 0, 0, 0};
     if (!t.sticky) {
         // Dry friction.
@@ -139,12 +160,12 @@ FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool fir
         return law;
     }
     const real* limit = LIMIT + 4 * (t.dof - DOFS);
-    const real k = t.stiffness, d = t.damping, spring = t.ahead[0], damper = t.ahead[1], side = t.x.x, rate = t.velocity.x;
+    const real k = t.stiffness, d = t.damping, spring = t.theta[0], damper = t.theta[1], side = t.x.x, rate = t.velocity.x;
     change *= side;
     real by_k = -(t.gap + spring * h * change), by_d = -(rate + damper * change), by_half;
     law.by_change = -(k * spring * h + d * damper); law.by_gap = -k; law.by_rate = -d;
-    if (!even || t.bounded) {
-        shared(spring, EVEN, (real)0.5, k, weight, -k * h * change, by_k, law.by_weight);
+    if (!mean_theta || t.bounded) {
+        shared(spring, MEAN_THETA, (real)0.5, k, weight, -k * h * change, by_k, law.by_weight);
         shared(damper, (real)0.5, (real)1, d, weight, -d * change, by_d, law.by_weight);
     }
     if (!t.bounded && parted(t.gap, (real)0.5 * h * rate, by_k * limit[2] + by_d * limit[3], law.by_gap, by_half))

@@ -1,6 +1,6 @@
-// Vectors, matrices and spatial quantities of nerd_core, word for word: angular part first, all in world axes about one origin.
-// REAL is float or double. Compiles as CUDA C++ (NVRTC, which takes what is not marked for the device's) and, for tests without a GPU, as
-// plain C++.
+// Vectors, matrices and spatial quantities, as nerd_core: angular part first, all in world axes about one origin. REAL
+// is float or double. Compiles as CUDA C++ (NVRTC takes unmarked functions as device code) and, for tests without a
+// GPU, as plain C++.
 
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__
@@ -19,7 +19,8 @@ typedef REAL real;
 FN real least(real a, real b) { return a < b ? a : b; }
 FN real most(real a, real b) { return a > b ? a : b; }
 FN real size(real a) { return a < 0 ? -a : a; }
-// Exact ones branch for numbers at the ends of their range, and after a branch no load has begun early; those of 32 bits may miss their last bits.
+// In 32 bits the last digits may be off: exact functions branch at the ends of the range, and no load starts before a
+// branch.
 #ifdef __CUDACC_RTC__
 FN float inverse_root(float a) { return rsqrtf(a); }
 FN double inverse_root(double a) { return rsqrt(a); }
@@ -68,7 +69,7 @@ FN Motion cross(Motion a, Motion b) { return motion(cross(a.ang, b.ang), cross(a
 FN real dot(Motion a, Wrench b) { return dot(a.ang, b.ang) + dot(a.lin, b.lin); }
 FN V3 at(Motion m, V3 x) { return m.lin + cross(m.ang, x); }
 
-// Inertia about the common origin: xx, yy, zz, xy, xz, yz.
+// Inertia about the common origin: mass, mass x centre, and xx, yy, zz, xy, xz, yz.
 struct Inertia { real mass; V3 moment; real i[6]; };
 FN Wrench operator*(const Inertia& b, Motion m) {
     V3 w = m.ang;
@@ -95,7 +96,7 @@ FN M3 matrix(Q4 q) {
              2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (w * x + y * z), w * w - x * x - y * y + z * z}};
     return r;
 }
-// q turned by the rotation vector v, in world axes.
+// Rotates q by the rotation vector v, in world axes.
 FN void turn(double* q, V3 v) {
     real angle = norm(v), half = (real)0.5 * angle;
     real s = angle > 0 ? sin(half) / angle : (real)0.5;
@@ -115,7 +116,7 @@ FN void swing(real angle, real& s, real& c) {
 #endif
 }
 
-// To [-pi, pi).
+// Wraps an angle to [-pi, pi).
 FN double wrapped(double x) {
     const double pi = 3.14159265358979323846;
     if (-pi <= x && x < pi) return x;
@@ -123,7 +124,7 @@ FN double wrapped(double x) {
     return y >= pi ? y - 2 * pi : y < -pi ? y + 2 * pi : y;
 }
 
-// conj(a) b of quaternions x y z w of any length, as one of unit length.
+// conj(a) b, normalised; quaternions x y z w of any length.
 FN void from_to(const double* a, const double* b, double* out) {
     out[0] = a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1];
     out[1] = a[3] * b[1] + a[0] * b[2] - a[1] * b[3] - a[2] * b[0];
@@ -133,7 +134,7 @@ FN void from_to(const double* a, const double* b, double* out) {
     for (int k = 0; k < 4; k++) out[k] *= n;
 }
 
-// v turned by a quaternion of unit length, or back by its inverse.
+// v rotated by a unit quaternion (sign 1) or its inverse (-1).
 FN void rotate(const double* q, const double* v, double sign, double* out) {
     const double x = sign * q[0], y = sign * q[1], z = sign * q[2], w = q[3];
     const double a = 2 * (y * v[2] - z * v[1]), b = 2 * (z * v[0] - x * v[2]), c = 2 * (x * v[1] - y * v[0]);
@@ -142,7 +143,7 @@ FN void rotate(const double* q, const double* v, double sign, double* out) {
     out[2] = v[2] + w * c + x * b - y * a;
 }
 
-// a b, of unit length.
+// a b, normalised.
 FN void multiply(const double* a, const double* b, double* out) {
     const double conjugate[4] = {-a[0], -a[1], -a[2], a[3]};
     from_to(conjugate, b, out);

@@ -1,6 +1,6 @@
-// Where a contact point lies on its link, as nerd-core's contact.rs has it. NP points with POINT_LINK, POINT, RADIUS; with LOCI, of which some
-// move over their link: LOCUS (0 fixed, 1 on a rim, 2 a hull), RIM (axis, radius, sine and cosine of the turn), HULL (first of VERTEX and end),
-// REACH.
+// Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. LOCI: some
+// roam over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull), RIM (axis, radius, sine and cosine of its angle),
+// HULL (first VERTEX and end), REACH.
 
 constexpr int SEARCHES = 4;
 
@@ -22,7 +22,7 @@ FN V3 on_rim(const real* rim, V3 centre, V3 n, bool own) {
     return centre - (up * cos + cross(axis, up) * sin) * rim[3];
 }
 
-// How fast its place runs round its rim, contact.rs's `runs`.
+// Velocity of a point along its rim, as contact.rs's `runs`.
 FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
     const real* rim = RIM + 6 * point;
     const V3 axis = t.rotation[POINT_LINK[point]] * read3(rim), axis_rate = cross(spin, axis), slope = n - axis * dot(axis, n);
@@ -33,7 +33,7 @@ FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
     return (up_rate * rim[5] + (cross(axis_rate, up) + cross(axis, up_rate)) * rim[4]) * -rim[3];
 }
 
-// Where it is when it faces a surface of unit normal n; of a disc its own place, or the deepest.
+// Position of a point that faces a surface of unit normal n; on a rim its own position, or the deepest (`own` false).
 FN V3 facing(const Tree& t, int point, V3 n, bool own) {
     if (!LOCI || LOCUS[point] == 0) return middle(t, point);
     const int link = POINT_LINK[point];
@@ -52,14 +52,13 @@ FN V3 facing(const Tree& t, int point, V3 n, bool own) {
     return t.position[link] + t.rotation[link] * place;
 }
 
-// Signed distance of a contact point from a surface, with the outward normal and the nearest place.
+// Signed distance of a contact point from a surface => outward normal, nearest place.
 FN real meets(const Tree& t, const Surface& s, int point, V3& normal, V3& nearest) {
     if (!LOCI || LOCUS[point] == 0) return distance(s, middle(t, point), normal, nearest);
     if (s.kind == 1) return distance(s, facing(t, point, s.normal, true), normal, nearest);
     V3 n;
-#if HULLS
-    if (s.kind == 6) {
-        // Of planes that touch the hull the one that the link is farthest over, or least under.
+    if (!FIELDS || s.kind != 4) {
+        // Of all planes that touch the convex shape, take the one at the largest signed distance.
         real best = -infinite();
         V3 p;
         distance(s, middle(t, point), n, p);
@@ -74,7 +73,6 @@ FN real meets(const Tree& t, const Surface& s, int point, V3& normal, V3& neares
         }
         return best;
     }
-#endif
     distance(s, middle(t, point), n, nearest);
     real least = infinite();
     for (int k = 0; k < SEARCHES; k++) {

@@ -1,7 +1,8 @@
-//! Numbers of which each robot of a family has its own ([`crate::vary`]). They follow its scene in the scene's record; all others are constants
-//! of the text.
+//! Parameters that differ between the robots of a family ([`crate::vary`]). They follow the scene in its record; all
+//! others are constants in the text.
 //!
-//! Every table of [`TABLES`] is a macro of the text: `MASS(t)` is the table itself, or the place of a tree's own numbers where `[vary]` changes them.
+//! Every table of [`TABLES`] is a macro in the text: `MASS(t)` is the constant table or, where `[vary]` changes it, a
+//! pointer to the robot's numbers.
 
 use super::super::stiff::Bounds;
 use super::text::Text;
@@ -10,8 +11,8 @@ use crate::system::vary::VarySpec;
 
 type Changes = fn(&VarySpec) -> bool;
 
-/// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
-/// by what surrounds it.
+/// Name of each table, and whether `[vary]` changes it. The solver reads the tables before [`SOLVERS`] from its tree.
+/// The code around the solver reads the others from the record.
 const TABLES: [(&str, Changes); 20] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
@@ -22,7 +23,7 @@ const TABLES: [(&str, Changes); 20] = [
     ("DRY", |v| v.joint_damping.is_some() || v.dry_friction.is_some()),
     ("LEAST", |v| bodies(v) || v.armature.is_some()),
     ("DAMPED", |v| bodies(v) || v.armature.is_some() || damping(v)),
-    ("FOLD_EASE", bodies),
+    ("FOLD_INV_MASS", bodies),
     ("FOLD_MATERIAL", |v| v.friction.is_some() || v.stiffness.is_some() || v.contact_damping.is_some()),
     ("KP", |v| v.gain.is_some()),
     ("KD", |v| v.gain.is_some()),
@@ -35,11 +36,11 @@ const TABLES: [(&str, Changes); 20] = [
     ("LAG", |v| v.lag.is_some()),
 ];
 const SOLVERS: usize = 11;
-/// Those of motors and what joints' sensors show, of noise, and of lateness.
+/// Indices of tables: actuators and joint zeros; then noise and delay of observations.
 const MOTORS: [usize; 5] = [13, 14, 15, 16, 17];
 const NOISE: usize = 18;
 const LAG: usize = 19;
-/// Says that robots differ, if in no table.
+/// Bit of a family, set even if no table differs.
 const FAMILY: u32 = 1 << 31;
 
 fn bodies(vary: &VarySpec) -> bool {
@@ -50,12 +51,12 @@ fn damping(vary: &VarySpec) -> bool {
     vary.joint_damping.is_some() || vary.damping.is_some()
 }
 
-/// Which tables a robot has of its own, as bits; none where all robots of a batch are the same.
+/// Tables that differ between the robots of a batch, as bits; 0 without a family.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Own(u32);
 
 impl Own {
-    /// Of a batch whose robots `[vary]` tells.
+    /// Tables that `[vary]` changes in a batch.
     pub(super) fn of(batch: &Batch) -> Self {
         let (Some(vary), false) = (&batch.system.spec.vary, batch.systems.is_empty()) else { return Self::default() };
         Self(TABLES.iter().enumerate().fold(FAMILY, |bits, (k, (_, changes))| bits | u32::from(changes(vary)) << k))
@@ -65,27 +66,28 @@ impl Own {
         self.0 >> k & 1 == 1
     }
 
-    /// Whether motors or sensors do.
+    /// Whether actuators or joint zeros differ.
     pub(super) fn rigged(self) -> bool {
         MOTORS.iter().any(|k| self.has(*k))
     }
 
-    /// Whether what a policy sees has noise, and is late.
+    /// Whether observations have noise, and whether they are delayed.
     pub(super) fn sensed(self) -> [bool; 2] {
         [NOISE, LAG].map(|k| self.has(k))
     }
 
-    /// Whether centres of mass do.
+    /// Whether centres of mass differ.
     pub(super) fn centred(self) -> bool {
         self.has(1)
     }
 
-    /// Whether dry friction does.
+    /// Whether dry friction differs.
     pub(super) fn dry(self) -> bool {
         self.has(6)
     }
 
-    /// Writes the tables of a robot before others of its family, or alone: those of a solver in `real`, or those of what surrounds it.
+    /// Writes the tables of a robot, as constants or as pointers to its numbers: with `solver` the solver's (in
+    /// `real`), otherwise the rest (in `double`).
     pub(super) fn write(self, text: &mut Text, system: &System, solver: bool) {
         let mut at = 0;
         for (k, ((name, _), numbers)) in TABLES.iter().zip(tables(system)).enumerate() {
@@ -107,7 +109,7 @@ impl Own {
         }
     }
 
-    /// What follows a scene in the record of one of a family's robots.
+    /// Numbers that follow the scene in the record of one robot of a family.
     pub(super) fn numbers(self, robot: &System) -> Result<Vec<f64>, String> {
         if self == Self::default() {
             return Ok(Vec::new());
@@ -118,19 +120,19 @@ impl Own {
         Ok(tables(robot).into_iter().enumerate().filter(|(k, _)| self.has(*k)).flat_map(|(_, numbers)| numbers).collect())
     }
 
-    /// Whether all robots have dry friction, springs or links that may touch each other.
+    /// Whether the robots have dry friction, springs or links that may touch each other.
     pub(super) fn held(self, system: &System) -> bool {
         let dry = self.dry() && system.spec.vary.as_ref().is_some_and(|vary| vary.dry_friction.is_some_and(|range| range.high > 0.0));
         system.held() || dry
     }
 }
 
-/// Whether weight is taken off some link.
+/// Whether some link has gravity-compensated mass.
 pub(super) fn lifts(robot: &Robot) -> bool {
     robot.links.iter().any(|link| link.lifted.mass != 0.0)
 }
 
-/// Numbers of a material by which links meet each other.
+/// Numbers of a material for contact between links.
 fn fold(m: &Material) -> [f64; 6] {
     [m.stiffness, m.damping, m.friction_damping, m.friction, m.margin, m.release]
 }

@@ -1,36 +1,45 @@
-// Accelerations under what touches and drives do, and what these then do, as articulated/kick.rs.
+// Solves for accelerations under touches and drives, and updates these, as articulated/kick.rs.
 
-// What a touch does at its present drag: a force, and how it resists along its normal and across, times h.
+FN real damper_theta(real h, real damping, real weight, bool mean_theta) {
+    return mean_theta ? (real)0.5 : most(1 - 1 / (h * damping * weight), (real)0.5);
+}
+
+// Whether a contact's damper sees it part, at a normal velocity vn at the substep's start and its change dn.
+FN bool parts(const Touch& t, real vn, real dn, real h, real weight, bool mean_theta) {
+    return vn + damper_theta(h, t.approach, weight, mean_theta) * dn >= 0;
+}
+
+// A contact at its present drag: force; resistance along and across the normal, times h.
 struct Push { V3 force; real along, across; };
 
-// h D a of a column a.
+// h D a for a column a of the Jacobian.
 FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * dot(n, a)) + a * p.across; }
 
 FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     const V3 velocity = t.start;
     const real vn = dot(n, velocity);
-    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
-              (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
+    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn - t.slip_offset) * t.drag,
+              (t.theta[0] * h * t.stiffness + t.theta[1] * t.damping) * h, t.theta[2] * t.drag * h};
     p.force = p.force - resisted(p, n, t.turn);
     return p;
 }
 
-// The same of a joint's touch: its torque, and how it resists, times h. A limit lies along its normal, dry friction across it.
+// The same at a joint: torque; resistance times h. A limit acts along its normal, dry friction across it.
 struct Pull { real torque, resists; };
 FN Pull pull(const Touch& t, real h) {
-    if (!t.sticky) { Pull p = {-t.start.y * t.across, t.ahead[2] * t.across * h}; return p; }
-    Pull p = {-t.x.x * (t.stiffness * t.gap + t.damping * t.start.x), (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h};
+    if (!t.sticky) { Pull p = {-t.start.y * t.drag, t.theta[2] * t.drag * h}; return p; }
+    Pull p = {-t.x.x * (t.stiffness * t.gap + t.damping * t.start.x), (t.theta[0] * h * t.stiffness + t.theta[1] * t.damping) * h};
     return p;
 }
 
-// w.qdd, accelerations with the touches that have not parted, by the matrix; false at what has no inertia.
+// Accelerations under the contacts that have not separated, by the matrix => w.qdd. False if not positive definite.
 BIG bool pressed(Work& w, real h) {
     Tree& tr = w.tree;
     real here[HERE], *l = UNROLLED ? here : tr.factor;
     real x[NV], stiff[NV];
-    onward<0, NV>([&](auto k) { w.qdd[k] = w.right[k]; stiff[k] = 0; });
-    onward<0, DRIVES>([&](auto i) { w.qdd[DOFS + i] += w.drives.torque[i]; stiff[DOFS + i] = w.drives.resists[i] * h; });
+    for_up<0, NV>([&](auto k) { w.qdd[k] = w.right[k]; stiff[k] = 0; });
+    for_up<0, DRIVES>([&](auto i) { w.qdd[DOFS + i] += w.drives.torque[i]; stiff[DOFS + i] = w.drives.resists[i] * h; });
     for (int k = w.points; k < w.touches; k++) {
         const Touch& t = w.touch[k];
         const Pull p = pull(t, h);
@@ -38,7 +47,7 @@ BIG bool pressed(Work& w, real h) {
         stiff[t.dof] += p.resists;
     }
     entries([&](int k) { l[k] = tr.mass[k]; });
-    onward<0, NV>([&](auto k) { x[k] = w.qdd[k]; l[LOWER(k, k)] += stiff[k]; });
+    for_up<0, NV>([&](auto k) { x[k] = w.qdd[k]; l[LOWER(k, k)] += stiff[k]; });
     points(w, [&](const Touch& t, auto link) {
         if (t.parted) return;
         const Push p = push(t, h);
@@ -51,7 +60,7 @@ BIG bool pressed(Work& w, real h) {
         });
 #if TURNS
         if (!turns(t)) return;
-        const V3 torque = turn_torque(t, t.spin);
+        const V3 torque = turn_torque(t, t.spin - t.turn_offset);
         spins(tr, link, a);
         upward(last_dof(link), [&](auto i) {
             x[i] += dot(a[i], torque);
@@ -63,7 +72,7 @@ BIG bool pressed(Work& w, real h) {
     if (!factorise(tr, l)) return false;
     half(l, x);
     rest(l, x);
-    onward<0, NV>([&](auto k) { w.qdd[k] = x[k]; });
+    for_up<0, NV>([&](auto k) { w.qdd[k] = x[k]; });
     return true;
 }
 
@@ -82,7 +91,7 @@ BIG bool pressed_along(Work& w, real h) {
         resist(w.along, t.link, t.x, t.normal, p.force, p.along, p.across);
 #if TURNS
         if (!turns(t)) continue;
-        const V3 torque = turn_torque(t, t.spin);
+        const V3 torque = turn_torque(t, t.spin - t.turn_offset);
         const double pull[3] = {torque.x, torque.y, torque.z};
         for (int c = 0; c < 3; c++) {
             const V3 d = turn_torque(t, unit(c)) * -h;
@@ -105,8 +114,9 @@ BIG bool pressed_along(Work& w, real h) {
     return true;
 }
 
-// Whether w.qdd changes anything of the touches: each one's drag is then that of its force and slip at the end, and what would pull has parted.
-BIG bool judge(Work& w, real h, real settled) {
+// Updates drags, separated contacts and drives at their bounds from w.qdd. Returns whether a new solve is needed.
+BIG bool update_touches(Work& w, real h, real settled, int pass) {
+    const bool leaps = pass < BREAKAWAY_SOLVES;
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
@@ -117,20 +127,31 @@ BIG bool judge(Work& w, real h, real settled) {
         const V3 change = (ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
         const V3 velocity = t.start;
         const real vn = dot(n, velocity), dn = dot(n, change);
-        const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
+        const real normal = -(t.stiffness * (t.gap + t.theta[0] * h * dn) + t.damping * (vn + t.theta[1] * dn));
         t.parted = normal < 0;
-        w.eventful = w.eventful || t.parted;
-        const V3 seen = velocity + change * t.ahead[2];
-        const V3 slip = seen - n * dot(n, seen);
-        t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
-        const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
-        changed = changed || t.parted || size(across / t.across - 1) > settled;
-        t.across = across;
+        w.may_gain_energy = w.may_gain_energy || t.parted;
+        const V3 seen = velocity + change * t.theta[2];
+        const V3 slip = seen - n * dot(n, seen) - t.slip_offset;
+        t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.drag;
+        const real slips = norm(slip), inertia = 2 * t.friction_damping / STICK_DRAG;
+        real next = breaking(most(normal, 0), slips, t.drag, t.friction_damping, t.friction, leaps ? inertia : infinite());
+        // If a force within the friction cone stops the slip, the contact sticks at once.
+        if (pass == 0 && slips * (t.drag + inertia) <= t.friction * normal) next = t.friction_damping;
+        const real enough = next > t.drag ? settled * (1 + t.drag / inertia) : settled;
+        changed = changed || t.parted || size(next / t.drag - 1) > enough;
+        t.drag = next;
+        const real weight = w.weight[t.index], damping = parts(t, vn, dn, h, weight, w.mean_theta) ? t.stiffness * t.release : t.approach;
+        const real theta = damper_theta(h, damping, weight, w.mean_theta);
+        changed = changed || size(damping - t.damping) * size(vn + theta * dn) > settled * size(normal);
+        t.damping = damping;
+        t.theta[1] = theta;
 #if TURNS
         if (!turns(t)) continue;
         const V3 turned = ALONG ? reached(w.along, t.link) : twist[t.link].ang;
         real about, turning;
-        turn_drags(t, t.parted ? 0 : normal, t.spin + turned * h, about, turning);
+        const V3 turn = t.spin + turned * h - t.turn_offset;
+        t.torque = t.parted ? v3(0, 0, 0) : turn_torque(t, turn);
+        turn_drags(t, t.parted ? 0 : normal, turn, leaps, about, turning);
         const auto differs = [&](real now, real before) { return size(now - before) > settled * most(before, (real)1e-12); };
         changed = changed || differs(about, t.about) || differs(turning, t.turning);
         t.about = about; t.turning = turning;
@@ -140,15 +161,17 @@ BIG bool judge(Work& w, real h, real settled) {
         Touch& t = w.touch[k];
         if (t.sticky) continue;
         const real change = w.qdd[t.dof] * h;
-        const real across = drag(-t.stiffness * t.gap, size(t.start.y + change * t.ahead[2]), t.friction_damping, t.friction);
-        changed = changed || size(across / t.across - 1) > settled;
-        t.across = across;
+        // With theta = 1 dry friction would push a joint that reverses.
+        w.may_gain_energy = w.may_gain_energy || t.start.y * (t.start.y + change) < 0;
+        const real next = drag(-t.stiffness * t.gap, size(t.start.y + change * t.theta[2]), t.friction_damping, t.friction);
+        changed = changed || size(next / t.drag - 1) > settled;
+        t.drag = next;
     }
-    // A held one is not asked again. All are asked before any is written, so that no load waits for another.
+    // A drive at its bound stays there. All are tested before any is written, so that no load waits for another.
     Drives& d = w.drives;
     unsigned beyond[PULLS / 32 + 1] = {};
     const auto torque = [&](int i) { return d.torque[i] - d.resists[i] * (w.qdd[DOFS + i] * h); };
-    onward<0, DRIVES>([&](auto i) {
+    for_up<0, DRIVES>([&](auto i) {
         const real t = torque(i);
         beyond[i / 32] |= (unsigned)!((d.low[i] <= t) & (t <= d.high[i])) << i % 32;
     });

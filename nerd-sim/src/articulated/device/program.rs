@@ -1,4 +1,4 @@
-//! The solver as a program for a device: the text of its kernels, with one robot's sizes and tables before them.
+//! CUDA text of the solver: the kernels, preceded by the sizes and tables of one robot.
 //!
 //! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, so the kernels are tested without a GPU.
 
@@ -6,18 +6,27 @@ use nalgebra::Point3;
 use nerd_core::dynamics::Factor;
 
 use super::super::along::{along, chained};
-use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_RK4};
+use super::super::energy::{
+    FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, MAX_REFINED, MAX_REFINED_TERRAIN, WORK_TOLERANCE,
+};
 use super::super::fold::FOLLOWED;
-use super::super::implicit::{CALM, HALVINGS};
+use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
-use super::super::spin::{ROUND, SPIN_PASSES, SPUN, SPUN_RK4};
+use super::super::spin::{FAST_ROOT, ROUND, SPIN_PASSES, SPUN_RK4};
+use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
-use super::super::touch::{CREEP, EVEN};
+use super::super::touch::{CREEP, MEAN_THETA};
+use super::super::turning::{MIN_GYRATION, TURN_INERTIA, TURN_STICK_DRAG};
 use super::own::{Own, lifts};
 use super::text::{Text, number};
 use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 use crate::system::motors::{LATEST, WAVES};
+
+/// Constants with their names.
+macro_rules! named {
+    ($($constant:ident),*) => { [$((stringify!($constant), $constant)),*] };
+}
 
 const KERNELS: [&str; 15] = [
     include_str!("linear.cuh"),
@@ -25,7 +34,7 @@ const KERNELS: [&str; 15] = [
     include_str!("walk.cuh"),
     include_str!("tree.cuh"),
     include_str!("locus.cuh"),
-    include_str!("slopes.cuh"),
+    include_str!("gradients.cuh"),
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("fold.cuh"),
@@ -38,48 +47,48 @@ const KERNELS: [&str; 15] = [
 ];
 const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 
-/// Numbers of a material, and of a collider with it, in a scene's record.
+/// Numbers in a scene's record: of a material, and of a collider with its material.
 const MATERIAL: usize = 8;
 pub(super) const COLLIDER: usize = 16 + MATERIAL;
-/// The most steps of a factorisation that are written one by one into the text.
+/// Largest number of factorisation steps that the text writes out one by one.
 const WALKS: usize = 4000;
-/// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
+/// Fault codes above `1 + DoF` (mass matrix not positive definite): a distance is NaN; the state is not finite.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
 
 /// Precision of the kernels; states are f64 in both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Real {
-    /// 32 bits, positions from the root on.
+    /// 32 bits, with positions relative to the root.
     #[default]
     F32,
-    /// 64 bits, for comparison with the CPU's solver.
+    /// 64 bits, for comparison with the CPU solver.
     F64,
 }
 
-/// What a program supports beyond its robot and settings; it is compiled again for more.
+/// Features that a program supports beyond its robot and settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reach {
-    /// Colliders of a scene at most.
+    /// Largest number of colliders in a scene.
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
-    /// Whether they are those of servos.
+    /// Whether the drives belong to servos.
     pub servo: bool,
-    /// Whether there is ground that is not flat.
+    /// Whether there are height fields.
     pub fields: bool,
     /// Whether there are balls, capsules or convex hulls.
     pub hulls: bool,
-    /// Whether contact points are told apart by the geoms of their robot's file.
+    /// Whether materials depend on contact point and collider, by surfaces of the robot's file.
     pub paired: bool,
     /// Whether there is torsional or rolling friction.
     pub turns: bool,
-    /// What each robot has of its own.
+    /// Parameters that differ between robots.
     pub own: Own,
 }
 
 impl Reach {
-    /// What a batch asks for.
+    /// Features that a batch needs.
     pub fn of(batch: &Batch) -> Self {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
         let fields = batch.scenes.iter().any(|s| s.uneven());
@@ -104,7 +113,7 @@ impl Reach {
     }
 }
 
-/// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
+/// Text without a robot: vectors in 64 bits, surfaces of a scene with at most this many colliders, fault codes.
 pub fn surfaces(colliders: usize) -> Text {
     let sizes = format!(
         "#define REAL double\n#define FIELDS 0\n#define HULLS 0\n#define PAIRED 0\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n"
@@ -112,7 +121,7 @@ pub fn surfaces(colliders: usize) -> Text {
     Text(sizes + KERNELS[0] + KERNELS[1])
 }
 
-/// The text for one robot: the kernel `advance`.
+/// CUDA text of the kernel `advance` for one robot.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
     let mut text = functions(system, config, real, reach, true);
     if reach.own.rigged() {
@@ -121,10 +130,10 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     text.0 + &ALONE.concat()
 }
 
-/// The same without a kernel: what one is made of that steps, or what surrounds steps.
+/// The functions without a kernel: with `steps` to step frames, otherwise for the code around the steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
-    let ahead = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.ahead);
+    let stable_pd = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.stable_pd);
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     text.define([
         ("NL", robot.links.len()),
@@ -138,18 +147,20 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("PRESSED", robot.joints().map(|j| usize::from(j.friction > 0.0 || reach.own.dry()) + 2 * usize::from(j.limit.is_some())).sum()),
         ("SUBSTEPS", config.substeps),
         ("CONTACT_SUBSTEPS", config.contact_substeps),
-        ("HALVINGS", HALVINGS),
-        ("FINEST", FINEST),
-        ("ROUGHEST", ROUGHEST),
+        ("MAX_HALVINGS", MAX_HALVINGS),
+        ("MAX_REFINED", MAX_REFINED),
+        ("MAX_REFINED_TERRAIN", MAX_REFINED_TERRAIN),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
+        ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWERS", POWERS),
     ]);
     let flags = [
-        // What is asked once a step may be loops, which compile in a fraction of the time; a controller that looks ahead is asked in each frame.
-        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || ahead || !whips(system))),
-        ("MATRIX", !steps && ahead),
+        // Code around the steps may use loops, which compile in a fraction of the time. A stable PD law runs in every
+        // frame and is unrolled.
+        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || stable_pd || !whips(system))),
+        ("MATRIX", !steps && stable_pd),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
         ("WHIPS", whips(system)),
@@ -167,15 +178,15 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
-    let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_DAMPED", MOST), ("MOST_RK4", MOST_RK4)];
-    let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
-    let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
-    let spin = [("SPUN", SPUN), ("ROUND", ROUND), ("SPUN_RK4", SPUN_RK4)];
-    let reals = constants.into_iter().chain(more).chain(energy).chain(spin).chain([("BARREL", BARREL)]);
+    let constants = named! {
+        SETTLED, CREEP, MOST_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG, TURN_INERTIA, MIN_GYRATION,
+        MAX_SPRING_DAMPING, OFF, FAR_OFF, MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN,
+        FAST_TURN_RK4, FAST_ROOT, ROUND, SPUN_RK4, BARREL
+    };
+    let reals = constants.into_iter().chain([("MOST_DAMPED", MOST), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])]);
     text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
-    text.define([("ROOT_DAMPING", number(robot.free.damping))]);
-    text.define([("FRAME", format!("{:e}", system.frame_time))]);
+    text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
     text.0 += KERNELS[0];
     links(&mut text, system);
     joints(&mut text, robot);
@@ -186,24 +197,24 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         reach.own.write(&mut text, system, false);
     }
     if steps && reach.servo {
-        text.table("double", "BOUND", (0..robot.joint_count()).map(|i| system.most(i).min(1e30)));
+        text.table("double", "TORQUE_LIMIT", (0..robot.joint_count()).map(|i| system.torque_limit(i).min(1e30)));
     }
     text.0 += &KERNELS[1..].concat();
     text
 }
 
-/// Whether implicit steps look for whips.
+/// Whether implicit steps watch for chains that whip.
 pub(super) fn whips(system: &System) -> bool {
     along(&system.robot) && system.stand_ins.is_empty() && !system.robot.mimics()
 }
 
-/// Whether they go along the tree: as the CPU's do, but for a robot that is no chain and whose factorisation is short enough to be written out, which
-/// is faster for a G1.
+/// Whether implicit steps solve along the tree, as on the CPU. A robot that is no chain, with a factorisation short
+/// enough to write out, uses the matrix: that is faster for a G1.
 fn deep(system: &System) -> bool {
     whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
 }
 
-/// What a factorisation of the mass matrix takes: for each DoF, the square of how many are above it and itself.
+/// Cost of factorising the mass matrix: the sum over DoFs of the squared number of DoFs from each one to the root.
 fn walks(robot: &Robot) -> usize {
     let mut depths: Vec<usize> = Vec::new();
     for above in Factor::new(robot).above() {
@@ -286,9 +297,9 @@ fn folds(text: &mut Text, system: &System) {
     text.table("real", "CAPSULE", folds.capsules.iter().flat_map(numbers));
 }
 
-/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot; with [`Reach::paired`] also
-/// the material of each contact point on each of them; and what the robot has of its
-/// own in a family. Scene and robot are those of an environment.
+/// Record of a scene: gravity, then kind, geometry and material (combined with the robot's) of each collider. With
+/// [`Reach::paired`] the material of each contact point on each collider follows; in a family, the parameters of
+/// `system`, the environment's robot.
 ///
 /// # Errors
 /// A shape without a kernel.
@@ -323,7 +334,7 @@ pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, 
         } else if body.hull.is_some() && reach.hulls {
             own[0] = 6.0;
             stand(&mut own);
-            // About the middle of the ball around it.
+            // Centre of the bounding ball.
             own[10..13].copy_from_slice((body.pose * Point3::from(body.ball.0)).coords.as_slice());
             own[13] = body.ball.1;
         } else {
@@ -354,14 +365,14 @@ fn capsule(body: &Collider) -> Option<[f64; 2]> {
     ([a.x, a.y, b.x, b.y] == [0.0; 4] && a.z == -b.z).then(|| [capsule.radius, b.z.abs()])
 }
 
-/// Of a point and a collider that never meet.
+/// Material of a point and a collider that never meet.
 const NEVER: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 fn of(m: &Material) -> [f64; MATERIAL] {
     [m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin, m.release]
 }
 
-/// Refuses settings without kernels: those of the reference, which no training and no task uses.
+/// Refuses the reference's settings, which have no kernels; no training and no task uses them.
 ///
 /// # Errors
 /// Symplectic Euler, explicit contact and Huber's friction.
@@ -374,7 +385,7 @@ pub fn has_kernels(config: &ArticulatedConfig) -> Result<(), StepError> {
     }
 }
 
-/// What a fault's number means.
+/// Message for a fault code.
 pub fn fault(robot: &Robot, code: i32) -> String {
     match code {
         LOST => "a contact point's distance is not a number: the state or the collider is not finite".into(),
@@ -383,7 +394,7 @@ pub fn fault(robot: &Robot, code: i32) -> String {
     }
 }
 
-/// What the kernels take for drives: five numbers each.
+/// Drives as the kernels read them: five numbers each.
 pub fn packed(drives: &[Drive]) -> Vec<f64> {
     drives.iter().flat_map(|d| [d.kp, d.kd, d.target, d.speed, d.effort.min(1e30)]).collect()
 }

@@ -1,4 +1,4 @@
-// The random numbers of rand_chacha and rand, number by number. Plain C++ beside CUDA.
+// Random numbers, equal to rand_chacha's and rand's. Compiles as CUDA or plain C++.
 
 #ifndef FN
 #define FN static __device__ __forceinline__
@@ -28,5 +28,5 @@ FN void chacha8(const unsigned long long key[4], unsigned long long counter, uns
     for (int k = 0; k < 16; k++) out[k] += begin[k];
 }
 
-// In [0, 1), of two words.
+// In [0, 1), from two words.
 FN double unit(const unsigned* words) { return (double)(((unsigned long long)words[1] << 32 | words[0]) >> 11) * 0x1p-53; }

@@ -1,14 +1,15 @@
-//! What kernels know of a batch's scenes and robots: records, and behind them the heights of ground that is not flat and the triangles of hulls.
+//! Records of scenes and robots for the kernels, followed by the heights of height fields and the triangles of hulls.
 
 use super::program::{COLLIDER, Reach, record};
 use crate::prelude::*;
 use crate::scene::{Field, Hull};
 
-/// The records of a batch's environments and which is whose. Heights stand behind them once each; a record says how far behind. On ground that is
-/// not flat, and in a family, each environment has its own.
+/// Records of a batch's environments, and which record each environment uses. Height fields and hulls follow the
+/// records, once each; a record has its offset to them. With height fields, and in a family, each environment has its
+/// own record.
 ///
 /// # Errors
-/// As [`record`]; that robots differ in another way than by `[vary]`.
+/// As [`record`]; robots that differ otherwise than by `[vary]`.
 pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
     let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
     let (mut count, mut behind) = (0, Behind::default());
@@ -17,7 +18,7 @@ pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), Stri
         if own.spec.vary != batch.system.spec.vary || own.spec.vary.is_none() && !batch.systems.is_empty() {
             return Err("on a device a batch's [vary] tells how its robots differ: draw them by it".into());
         }
-        // Environments mostly share one.
+        // Most environments share one scene.
         if reach.fields || !batch.systems.is_empty() || !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
             behind.take(scene, records.len());
             records.extend(record(scene, own, reach)?);
@@ -29,7 +30,7 @@ pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), Stri
     Ok((records, of))
 }
 
-/// The record of a scene alone, with what stands behind it.
+/// The record of one scene, with its height fields and hulls.
 ///
 /// # Errors
 /// As [`record`].
@@ -40,7 +41,7 @@ pub(super) fn alone(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<
     Ok(numbers)
 }
 
-/// Fields and hulls, once each, and the places of the records that speak of them.
+/// Height fields and hulls, once each, with the positions of the records that refer to them.
 #[derive(Default)]
 struct Behind {
     fields: Vec<(Field, Vec<usize>)>,
@@ -48,7 +49,7 @@ struct Behind {
 }
 
 impl Behind {
-    /// Those of a scene whose record begins at `start`.
+    /// Collects the height fields and hulls of a scene with its record at `start`.
     fn take(&mut self, scene: &Scene, start: usize) {
         for (k, body) in scene.colliders.iter().enumerate() {
             let at = start + 3 + COLLIDER * k;
@@ -66,7 +67,7 @@ impl Behind {
         }
     }
 
-    /// Writes them behind the records, and how far behind into those.
+    /// Appends height fields and hulls to the records, and writes the offsets to them into the records.
     fn write(self, records: &mut Vec<f64>) {
         let fields = self.fields.into_iter().map(|(field, places)| (field.numbers(), places));
         let hulls = self.hulls.into_iter().map(|(hull, middle, places)| (hull.numbers(&middle), places));

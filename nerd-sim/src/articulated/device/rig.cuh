@@ -1,15 +1,15 @@
-// A family's motors and sensors around a frame, as rig.rs and system/motors.rs have them: LATE (frames), STRENGTH, ZERO, LINE (torque at rest, top
-// speed) and RIPPLE of a robot, in
-// its scene's record or the same for all.
+// A family's actuator and sensor model around a frame, as rig.rs and system/motors.rs. Parameters (constants, or in the
+// record): LATE (frames), STRENGTH, ZERO, LINE (stall torque, no-load speed), RIPPLE.
 
 #if RIGGED
-// From what sensors show to where joints are, or back.
+// Sensor readings => joint positions (side 1), or back (-1).
 FN void shift(double* state, const double* scene, double side) {
     for (int i = 0; i < NJ; i++) state[COORDS + i] += side * ZERO(scene)[i];
     wrap(state);
 }
 
-// Moves `state`; `asked` has the torques asked for in the LATEST frames before, the newest first, of which `known` counts those since a start.
+// Steps `state` by a frame. `asked`: commanded torques of the LATEST frames before, newest first; `known`: frames since
+// a start, updated. Returns 0 or a fault.
 BIG int rigged(double* state, const double* tau, const double* scene, const double* drives, double* forces, double* asked, unsigned* known) {
     double moved[NQ + NV], acting[NJ + 1];
     for (int k = 0; k < NQ + NV; k++) moved[k] = state[k];
@@ -20,7 +20,7 @@ BIG int rigged(double* state, const double* tau, const double* scene, const doub
     const double share = LATE(scene)[0] - late;
     for (int i = 0; i < NJ; i++) {
         const double now = late ? asked[(late - 1) * NJ + i] : tau[i], before = late < LATEST ? asked[late * NJ + i] : now;
-        // 0 says that there is no line; a torque that is no number stays none.
+        // A stall torque of 0 means no line. A torque that is NaN stays NaN.
         const double rest = LINE(scene)[2 * i], speed = moved[NQ + DOFS + i] / LINE(scene)[2 * i + 1];
         double of = now + share * (before - now);
         if (rest && of == of) of = fmin(fmax(of, -rest * fmin(fmax(1 + speed, 0.0), 1.0)), rest * fmin(fmax(1 - speed, 0.0), 1.0));

@@ -6,7 +6,7 @@ use super::program::{Reach, fault};
 use super::{motion::Motion, rows::Rows, scenes::take};
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Resident, Trail, failed};
-use crate::solver::{Fault, Slopes, finish, numbers, sound};
+use crate::solver::{Fault, Gradients, finish, numbers, sound};
 
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
@@ -44,16 +44,18 @@ impl<M: Motion> Resident for OnDevice<M> {
     }
 }
 
-/// A [`Solver`] that makes many frames in a row.
+/// A [`Solver`] that steps many frames in one call.
 pub trait Roll: Solver {
-    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
+    /// Steps `frames` frames without leaving the device. `torques` are `[env][joint]`, constant over all frames, or
+    /// `[frame][env][joint]`.
     ///
     /// # Errors
-    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
+    /// As [`Solver::step`]. An environment that fails keeps its state before the failed frame; the error has that
+    /// frame's number.
     fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError>;
 }
 
-/// A [`Solver`] whose batch is on a device.
+/// A [`Solver`] for batches on a device.
 pub struct OnDevice<M> {
     motion: M,
     made: Option<Made>,
@@ -61,7 +63,7 @@ pub struct OnDevice<M> {
     faults: Vec<Fault>,
 }
 
-/// What kernels and memory were made for.
+/// Memory on the device, with the system and reach that memory and kernels were made for.
 struct Made {
     system: Arc<System>,
     reach: Reach,
@@ -69,18 +71,18 @@ struct Made {
     rows: Option<Rows>,
 }
 
-/// As every solver looks at a batch; motors of a family are stepped with it.
+/// Checks batch and torques as every solver does, except that the actuators of a family are allowed.
 fn looked_at(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if Reach::of(batch).own.rigged() { numbers(batch, torques, faults) } else { sound(batch, torques, faults) }
 }
 
 impl<M: Motion> OnDevice<M> {
-    /// Nothing is opened before its first step.
+    /// A solver that opens nothing before its first step.
     pub fn by(motion: M) -> Self {
         Self { motion, made: None, next: Vec::new(), faults: Vec::new() }
     }
 
-    /// Prepares for a batch of which every environment is sound.
+    /// Checks the batch, then makes its kernels and memory.
     fn take_all(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
         looked_at(batch, torques, &mut self.faults)?;
         if !self.faults.is_empty() {
@@ -91,7 +93,7 @@ impl<M: Motion> OnDevice<M> {
         self.prepare(batch)
     }
 
-    /// Kernels and memory that fit the batch.
+    /// Makes kernels and memory unless the present ones fit the batch.
     fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
         let asked = Reach::of(batch);
         let fits = |m: &Made| {
@@ -143,7 +145,7 @@ impl<M: Motion> Roll for OnDevice<M> {
         for (env, (code, went)) in done.into_iter().enumerate() {
             batch.frames[env] += u64::from(went.saturating_sub(u32::from(code == 0)));
             if code != 0 && self.faults.iter().all(|f| f.env != env) {
-                // What it reached before the frame that failed is kept.
+                // Keep the state before the failed frame.
                 batch.states[env * d..(env + 1) * d].copy_from_slice(&self.next[env * d..(env + 1) * d]);
                 self.faults.push(Fault { env, frame: batch.frames[env], reason: fault(&batch.system.robot, code) });
             }
@@ -161,33 +163,26 @@ impl<M: Motion> Solver for OnDevice<M> {
         self.roll(batch, torques, 1)
     }
 
-    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    fn vjp(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
         self.motion.goes_back(batch)?;
         let wide = batch.len() * rows * 2 * batch.system.robot.nv();
-        if wide == 0 || by_next.len() != wide {
-            return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", by_next.len())));
+        if wide == 0 || grad_next.len() != wide {
+            return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", grad_next.len())));
         }
         self.take_all(batch, torques)?;
         self.motion.keep(batch, 1)?;
         let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
-            return Ok(Slopes::default());
+            return Ok(Gradients::default());
         };
         take(held, device, batch, *reach, torques)?;
         if !memory.as_ref().is_some_and(|memory| memory.fits(rows)) {
             *memory = Some(Rows::new(device, batch, rows).map_err(failed)?);
         }
-        memory.as_ref().map_or(Ok(Slopes::default()), |memory| memory.back(&self.motion, held, batch, by_next))
+        memory.as_ref().map_or(Ok(Gradients::default()), |memory| memory.back(&self.motion, held, batch, grad_next))
     }
 
     fn reset(&mut self, env: usize) {
         self.motion.reset(env);
-    }
-
-    fn remembered(&self, _env: usize) -> Result<Vec<f64>, StepError> {
-        if self.motion.remembers() {
-            return Err(StepError::Refused("what this network remembers stays on the card: fork it on the CPU".into()));
-        }
-        Ok(Vec::new())
     }
 
     fn capabilities(&self) -> Capabilities {

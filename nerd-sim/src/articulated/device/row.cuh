@@ -1,13 +1,14 @@
-// One gradient on its way back through a frame, as articulated/slopes/row.rs.
+// One gradient in the backward pass of a frame, as articulated/gradients/row.rs.
 
 FN V3 three(const double* x) { return v3((real)x[0], (real)x[1], (real)x[2]); }
 template <class T> FN void write3(T* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2] = v.z; }
 
-// From a gradient by the state after the frame, in its tangent space.
+// Gradient w.r.t. the state after the frame, in its tangent space => b.
 FN void begin(Back& b, const double* state, const double* by) {
     for (int k = 0; k < NV; k++) { b.pose[k] = (real)by[k]; b.speed[k] = (real)by[NV + k]; b.rate[k] = 0; }
     for (int k = 0; k < WEIGHTS; k++) b.weight[k] = 0;
-    for (int i = 0; i < NJ; i++) b.torque[i] = b.braked[i] = b.share[i] = 0;
+    for (int k = 0; k < PAIRS; k++) b.across[k] = 0;
+    for (int i = 0; i < NJ; i++) b.torque[i] = b.damping_used[i] = b.share[i] = 0;
     for (int i = 0; i < PULLS; i++) b.drives[i][0] = b.drives[i][1] = 0;
     if (!DOFS) return;
     V3 w, v;
@@ -20,7 +21,7 @@ FN void begin(Back& b, const double* state, const double* by) {
     write3(b.speed + 3, r * by_v);
 }
 
-// The gradient by the state before it.
+// b => gradient w.r.t. the state before the frame, in its tangent space.
 FN void end(const Back& b, const double* state, double* out) {
     for (int k = 0; k < NV; k++) { out[k] = b.pose[k]; out[NV + k] = b.speed[k]; }
     if (!DOFS) return;
@@ -34,7 +35,7 @@ FN void end(const Back& b, const double* state, double* out) {
     write3(out + NV + 3, by_v);
 }
 
-// From gradients by a root's place to those by its link's centre of mass (sign -1), at a state; or back.
+// Gradients w.r.t. the root's position => w.r.t. its link's centre of mass (sign -1), at `state`; or back.
 FN void centre_back(const Tree& t, Back& b, const double* state, real sign) {
     if (!CENTRED) return;
     const V3 arm = matrix(read4(state + 3)) * read3(COM(t)) * sign, w = three(state + NQ), by_v = read3(b.speed + 3);
@@ -42,6 +43,7 @@ FN void centre_back(const Tree& t, Back& b, const double* state, real sign) {
     write3(b.speed, read3(b.speed) + cross(arm, by_v));
 }
 
+// Adjoint of `drift`, with the root's rotation exp(w time).
 FN void drift_back(Back& b, const real* qd, real time) {
     for (int k = DOFS; k < NV; k++) b.speed[k] += time * b.pose[k];
     if (!DOFS) return;

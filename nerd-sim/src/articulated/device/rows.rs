@@ -1,16 +1,16 @@
-//! Gradients of a batch on their way to a device and back.
+//! Transfers of a batch's gradients to a device and back.
 
 use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 
 use super::{motion::Motion, program::fault};
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
-use crate::solver::{Fault, Slopes};
+use crate::solver::{Fault, Gradients};
 
-/// Memory for so many gradients of each environment.
+/// Memory for `rows` gradients of each environment.
 pub(super) struct Rows {
     rows: usize,
-    by_next: Buffer<f64>,
+    grad_next: Buffer<f64>,
     next: Buffer<f64>,
     faults: Buffer<i32>,
     states: Buffer<f64>,
@@ -24,7 +24,7 @@ impl Rows {
         let wide = n * rows * 2 * robot.nv();
         Ok(Self {
             rows,
-            by_next: device.zeros(wide)?,
+            grad_next: device.zeros(wide)?,
             next: device.zeros(batch.states.len())?,
             faults: device.zeros(n)?,
             states: device.zeros(wide)?,
@@ -37,27 +37,27 @@ impl Rows {
         self.rows == rows
     }
 
-    pub(super) fn back(&self, motion: &impl Motion, held: &Held, batch: &Batch, by_next: &[f64]) -> Result<Slopes, StepError> {
-        let Some(device) = motion.device() else { return Ok(Slopes::default()) };
-        let go = || -> Result<(Slopes, Vec<i32>), DeviceError> {
-            device.write(&self.by_next, by_next)?;
+    pub(super) fn back(&self, motion: &impl Motion, held: &Held, batch: &Batch, grad_next: &[f64]) -> Result<Gradients, StepError> {
+        let Some(device) = motion.device() else { return Ok(Gradients::default()) };
+        let go = || -> Result<(Gradients, Vec<i32>), DeviceError> {
+            device.write(&self.grad_next, grad_next)?;
             let trail = Trail { states: held.states.ptr, torques: held.torques.ptr, frames: 1 };
             let next = [self.next.ptr, self.faults.ptr];
-            let [by_next, by_states, by_torques] = [self.by_next.ptr, self.states.ptr, self.torques.ptr];
-            let back = Back { frame: 0, rows: self.rows, by_next, by_states, by_torques, next };
-            self.replay.run(device, "slopes", (trail, back), || {
+            let [grad_next, by_states, by_torques] = [self.grad_next.ptr, self.states.ptr, self.torques.ptr];
+            let back = Back { frame: 0, rows: self.rows, grad_next, by_states, by_torques, next };
+            self.replay.run(device, "gradients", (trail, back), || {
                 motion.recall(held, trail)?;
                 motion.back(held, trail, back)
             })?;
             let [next, states, torques] = [&self.next, &self.states, &self.torques].map(|of| device.download(of));
-            Ok((Slopes { next: next?, states: states?, torques: torques?, ..Slopes::default() }, device.download(&self.faults)?))
+            Ok((Gradients { next: next?, states: states?, torques: torques?, ..Gradients::default() }, device.download(&self.faults)?))
         };
         let (out, faults) = go().map_err(failed)?;
         let finite = |x: &[f64], env: usize| x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite());
         let wrong = faults.into_iter().enumerate().filter_map(|(env, code)| {
             let reason = match code {
                 0 if finite(&out.states, env) && finite(&out.torques, env) => return None,
-                0 => "the frame's slopes are not finite".into(),
+                0 => "the frame's gradients are not finite".into(),
                 code => fault(&batch.system.robot, code),
             };
             Some(Fault { env, frame: batch.frames[env], reason })

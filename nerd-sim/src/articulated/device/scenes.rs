@@ -1,4 +1,4 @@
-//! A batch's states, torques, drives and scenes, laid out for a device.
+//! Uploads of a batch: states, torques, drives and scenes.
 
 use nerd_cuda::Device;
 
@@ -7,7 +7,7 @@ use super::records::records;
 use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
-/// Takes over a batch and its torques.
+/// Uploads a batch and its torques; scenes and robots only if they changed.
 pub(super) fn take(held: &mut Held, device: &Device, batch: &Batch, reach: Reach, torques: &[f64]) -> Result<(), StepError> {
     if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
         know(held, device, batch, reach)?;
@@ -25,7 +25,7 @@ fn same<T>(known: &[Arc<T>], now: &[Arc<T>]) -> bool {
     known.len() == now.len() && known.iter().zip(now).all(|(a, b)| Arc::ptr_eq(a, b))
 }
 
-/// Takes over the batch's scenes and what robots in them have of their own.
+/// Uploads the batch's scenes, with the parameters of the robots in them.
 fn know(held: &mut Held, device: &Device, batch: &Batch, reach: Reach) -> Result<(), StepError> {
     held.scenes.clear();
     let (records, of) = records(batch, reach).map_err(StepError::Refused)?;

@@ -1,4 +1,4 @@
-//! States on a GPU that libraries beside this one read and write between frames.
+//! States on a GPU that other libraries read and write between frames.
 
 use nerd_cuda::Arg::{Int, Long, Ptr};
 use nerd_cuda::{Beside, Buffer, Device, DeviceError};
@@ -8,7 +8,7 @@ use crate::prelude::*;
 use crate::solver::Fault;
 use crate::solver::device::{Resident, failed};
 
-/// A thread copies a number; the frames that an environment made are counted on the way back.
+/// One number per thread; `give` also counts the frames that each environment completed.
 const KERNELS: &str = "
 extern \"C\" __global__ void take(const double* states, const double* torques, double* held, double* tau, unsigned long long s, unsigned long long t) {
     const unsigned long long i = (unsigned long long)blockIdx.x * blockDim.x + threadIdx.x;
@@ -22,12 +22,12 @@ extern \"C\" __global__ void give(const double* held, const int* faults, double*
 }";
 const THREADS: usize = 128;
 
-/// States of a simulation whose solver is on a GPU. They have an address of their own, which no solver moves.
+/// States of a simulation with its solver on a GPU, at an address that never changes.
 pub struct SharedStates {
     device: Device,
     /// `[env][q, qd]`.
     pub states: Arc<Buffer<f64>>,
-    /// Frames that each environment made since the host last saw them, and whether there was one.
+    /// Frames that each environment completed since the last `pull`; whether any frame was stepped.
     went: Buffer<u32>,
     stepped: bool,
 }
@@ -37,7 +37,7 @@ fn resident(solver: &mut Box<dyn Solver>) -> Result<&mut dyn Resident, StepError
 }
 
 impl SharedStates {
-    /// Those of a simulation from here on.
+    /// Uploads the states of a simulation.
     pub fn new(simulation: &mut Simulation) -> Result<Self, StepError> {
         let device = Device::open(KERNELS, &["take", "give"]).map_err(failed)?;
         let (states, went) = (device.zeros(simulation.batch.states.len()), device.zeros(simulation.batch.len()));
@@ -46,10 +46,10 @@ impl SharedStates {
         Ok(shared)
     }
 
-    /// Takes the batch over as it is, for a solver that is new to it.
+    /// Uploads the batch to a solver that does not have it yet.
     ///
     /// # Errors
-    /// What of it has no kernel, or that there is no card or not enough memory.
+    /// A part of the batch without a kernel, no GPU, or not enough memory.
     pub fn hold(&mut self, Simulation { batch, solver }: &mut Simulation) -> Result<(), StepError> {
         if solver.capabilities().forces {
             batch.watch()
@@ -64,12 +64,12 @@ impl SharedStates {
         self.device.write(&self.states, &batch.states).map_err(failed)
     }
 
-    /// The stream that frames are in.
+    /// The stream of the frames.
     pub fn beside(&self) -> Beside {
         self.device.beside()
     }
 
-    /// One frame under torques `[env][joint]` at an address of the GPU. It does not wait, neither for the frame nor for its faults.
+    /// Steps one frame under torques `[env][joint]` at a GPU address. Waits neither for the frame nor for its faults.
     pub fn step(&mut self, simulation: &mut Simulation, torques: u64) -> Result<(), StepError> {
         let resident = resident(&mut simulation.solver)?;
         let work = || -> Result<(), DeviceError> {
@@ -88,7 +88,7 @@ impl SharedStates {
         work().map_err(failed)
     }
 
-    /// Makes the batch what is on the GPU; environments that the last frame left where they were.
+    /// Downloads the states into the batch. Returns the environments that the last frame left unchanged.
     pub fn pull(&mut self, Simulation { batch, solver }: &mut Simulation) -> Result<Vec<Fault>, StepError> {
         let resident = resident(solver)?;
         let Some((device, held)) = resident.held() else { return Ok(Vec::new()) };
@@ -106,7 +106,7 @@ impl SharedStates {
         Ok(faults)
     }
 
-    /// Takes the batch's states over again, of which those of some environments begin anew.
+    /// Uploads the batch's states again, after `envs` were restarted: clears their faults and memory.
     pub fn begin(&mut self, Simulation { batch, solver }: &mut Simulation, envs: impl Iterator<Item = usize>) -> Result<(), StepError> {
         let resident = resident(solver)?;
         let (memory, Some((device, held))) = (resident.memory(), resident.held()) else { return Ok(()) };

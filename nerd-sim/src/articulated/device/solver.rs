@@ -11,34 +11,36 @@ use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::system::motors::LATEST;
 
-/// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, any robot.
+/// [`super::super::Articulated`] on a GPU, one thread per environment: the same frame, any robot.
 ///
-/// It refuses what it has no kernel for: settings of the reference ([`has_kernels`]), scenes with other shapes than planes, boxes and pegs. Of
-/// robots that differ by environment (a family, [`crate::vary`]) it steps motors and sensors, too, as [`crate::rig::Rig`] does on the CPU.
+/// Refuses settings of the reference ([`has_kernels`]) and shapes other than planes, boxes, cylinders, balls, capsules,
+/// hulls and height fields. For a family ([`crate::vary`]) it also steps the actuator and sensor model, as
+/// [`crate::rig::Rig`] does on the CPU.
 pub type CudaArticulated = OnDevice<Whole>;
 
-/// A frame as one kernel, which loops over frames.
+/// A frame as one kernel, with a loop over frames.
 pub struct Whole {
     config: ArticulatedConfig,
     real: Real,
     device: Option<Device>,
     reach: Reach,
-    /// Whether its way back has been made.
+    /// Whether the kernel for gradients was compiled.
     returns: bool,
-    /// Of a family with motors of its own.
+    /// Memory of a family's actuator model.
     rig: Option<Rig>,
 }
 
 struct Rig {
-    /// Torques asked for in the last frames, the newest first, `[env][LATEST][joint]`; and how many frames those of an environment are.
+    /// Commanded torques of the last frames, newest first, `[env][LATEST][joint]`; frames of each environment in
+    /// memory.
     asked: Buffer<f64>,
     known: Buffer<u32>,
-    /// By environment, the frame that would follow.
+    /// Frame count of each environment that would continue its memory.
     next: Vec<u64>,
 }
 
 impl CudaArticulated {
-    /// A solver with these settings; the device is opened at its first step.
+    /// A solver with these settings; its first step opens the device.
     pub fn new(config: ArticulatedConfig, real: Real) -> Self {
         Self::by(Whole { config, real, device: None, reach: Reach::default(), returns: false, rig: None })
     }
@@ -93,10 +95,6 @@ impl Motion for Whole {
         self.rig.as_ref().map_or(0, |rig| rig.known.ptr)
     }
 
-    fn remembers(&self) -> bool {
-        self.rig.is_some()
-    }
-
     fn reset(&mut self, env: usize) {
         if let Some(next) = self.rig.as_mut().and_then(|rig| rig.next.get_mut(env)) {
             *next = u64::MAX;
@@ -105,7 +103,7 @@ impl Motion for Whole {
 
     fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
         if Reach::of(batch).own.rigged() {
-            return Err(StepError::Refused("a family's motors and sensors have no slopes: leave them out of [vary]".into()));
+            return Err(StepError::Refused("a family's motors and sensors have no gradients: leave them out of [vary]".into()));
         }
         goes_back(&self.config, batch)
     }
@@ -113,7 +111,7 @@ impl Motion for Whole {
     fn keep(&mut self, batch: &Batch, _: usize) -> Result<(), StepError> {
         if let Some(device) = self.device.as_mut().filter(|_| !self.returns) {
             let text = back_program(&batch.system, &self.config, self.real, self.reach);
-            device.add(&text, &["slopes"]).map_err(failed)?;
+            device.add(&text, &["gradients"]).map_err(failed)?;
             self.returns = true;
         }
         Ok(())
@@ -123,9 +121,9 @@ impl Motion for Whole {
         let Some(device) = &self.device else { return Ok(()) };
         let at = |of: u64, all: usize| of + (8 * all * back.frame) as u64;
         let given = [at(trail.states, held.states.len), at(trail.torques, held.n * held.joints), held.records.ptr, held.scene_of.ptr];
-        let found = [held.drives.ptr, back.by_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
+        let found = [held.drives.ptr, back.grad_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
         let args = [&given.map(Ptr)[..], &found.map(Ptr), &[Int(held.n), Int(back.rows)]].concat();
-        device.launch("slopes", (held.n.div_ceil(BLOCK), back.rows), (BLOCK, 1), 0, &args)
+        device.launch("gradients", (held.n.div_ceil(BLOCK), back.rows), (BLOCK, 1), 0, &args)
     }
 
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {

@@ -1,6 +1,6 @@
-// The spin of a free root, as articulated/spin.rs, where it is explained.
+// Angular velocity of a free root that spins fast, as articulated/spin.rs.
 
-// To a free root's place and velocity at its link's centre of mass (sign 1), or back.
+// Moves a free root's position and velocity to its link's centre of mass (sign 1), or back (-1).
 FN void centre(Tree& t, real sign) {
     if (!CENTRED) return;
     const V3 c = read3(COM(t)), arm = matrix(read4(t.q + 3)) * c * sign, v = cross(read3(t.qd), arm);
@@ -11,7 +11,7 @@ FN void centre(Tree& t, real sign) {
 
 struct Spin { M3 inertia; };   // of the whole robot about its centre of mass
 
-FN bool spins(const real* qd, real h) { return DOFS && h * norm(read3(qd)) > SPUN; }
+FN bool spins(const real* qd, real h) { return DOFS && h * norm(read3(qd)) > FAST_ROOT; }
 
 BIG Spin spin(const Tree& t) {
     Inertia sum = none();
@@ -22,7 +22,7 @@ BIG Spin spin(const Tree& t) {
     return {{{i[0] - s + k * m.x * m.x, xy, xz, xy, i[1] - s + k * m.y * m.y, yz, xz, yz, i[2] - s + k * m.z * m.z}}};
 }
 
-// Columns (or, of the way back, rows) of I + h/2 ([w] I - [I w]), and the solution of it.
+// Solves (I + h/2 ([w] I - [I w])) x = right, or the transposed system.
 BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
     V3 a[3];
     for (int k = 0; k < 3; k++) {
@@ -35,7 +35,7 @@ BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
     return v3(dot(right, c), dot(right, cross(a[2], a[0])), dot(right, cross(a[0], a[1]))) * (1 / determinant);
 }
 
-// Whether the middle of a substep that gave a rate is farther from the mean than it may be; then it is the next one.
+// Whether `middle` is too far from the mean of the substep's ends; if so `next` is the next Newton iterate.
 FN bool spun(const Spin& s, const real* qd, const real* middle, const real* rate, real h, V3& next) {
     const V3 w = read3(middle), off = read3(qd) + read3(rate) * ((real)0.5 * h) - w;
     if (!(norm(off) > most(ROUND, sizeof(real) == 8 ? 0 : (real)1e-6) * norm(w))) return false;
@@ -43,7 +43,7 @@ FN bool spun(const Spin& s, const real* qd, const real* middle, const real* rate
     return true;
 }
 
-// Times as many substeps of Runge-Kutta as would have a root turn by so much, to a most.
+// Factor (a power of two) on Runge-Kutta substeps so that a root turns by SPUN_RK4 at most in each; bounded by `most`.
 FN int turned(real turn, int most) {
     int times = 1;
     while (turn > SPUN_RK4 * times && 2 * times <= most) times *= 2;

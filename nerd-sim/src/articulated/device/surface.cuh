@@ -1,24 +1,24 @@
-// Surfaces of a scene's record, as scene.rs and parry have them: NC colliders at most.
+// Surfaces of a scene's record, as scene/collider.rs and parry: NC colliders at most.
 
-constexpr int MATERIAL = 8;    // stiffness, damping, friction damping, friction, torsional and rolling friction, margin, release
-constexpr int COLLIDER = 16 + MATERIAL;     // numbers of one: kind, geometry, material
+constexpr int MATERIAL = 8;    // stiffness, damping, friction damping, friction, torsion, rolling, margin, release
+constexpr int COLLIDER = 16 + MATERIAL;     // numbers of a collider: kind, geometry, material
 constexpr int PAIRS_AT = 3 + COLLIDER * NC;
-// Of a record what robots share: gravity, colliders, and with PAIRED the material of each point on each of them, of which a stiffness below zero says
-// that they never meet.
+// Part of a record that robots share: gravity, colliders, and with PAIRED the material of each point on each collider.
+// A stiffness below zero means that they never meet.
 #if PAIRED
 constexpr int SHARED = PAIRS_AT + MATERIAL * NP * NC;
 #else
 constexpr int SHARED = PAIRS_AT;
 #endif
 
-// As seen from some place: a plane n . x = offset (1), a box (2), a cylinder about y, of which `half` has the radius and half the height (3), or,
-// with FIELDS, heights of `grid` along the z axis of `turn` (4), nowhere above the plane, of which a place is in cell `cell` at `part`. With HULLS a
-// capsule about z, of which `half` has the radius and half the length (5), and a hull within a radius `half.x` (6), whose triangles `grid` has: how
-// many, then of each its corners and its normal.
+// A surface relative to an origin, by kind. 1: plane n . x = offset. 2: box. 3: cylinder about y; `half` has radius and
+// half height. 4, with FIELDS: heights of `grid` along the z axis of `turn`, nowhere above the plane; the origin is in
+// cell `cell` at `part`. With HULLS, 5: capsule about z; `half` has radius and half length. 6: hull within radius
+// `half.x`; `grid` has the number of triangles, then three corners and a normal of each.
 struct Surface {
     int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[MATERIAL];
 #if FIELDS || HULLS
-    const double* grid;     // of a field: GRID_CELLS and so on
+    const double* grid;     // of a height field (GRID_CELLS ...) or a hull
 #endif
 #if FIELDS
     int cell[2]; real scale, part[2], steep;
@@ -26,16 +26,17 @@ struct Surface {
 };
 
 #if FIELDS || HULLS
-// The grid of a collider's record stands behind all records.
+// Grid of a collider, behind all records.
 FN const double* grid(const double* s) { return s + (long long)s[14]; }
 #endif
 
 #if FIELDS
-// Where a grid has its two cells, nodes along x and y, highest place, bound of the squared slope, how deep it ends or 0 if it repeats, and heights.
+// Offsets in a grid: two cell sizes, two numbers of nodes, highest place, bound of the squared slope, depth (0 if it
+// repeats), heights.
 constexpr int GRID_CELLS = 0, GRID_NODES = 2, GRID_TOP = 4, GRID_STEEP = 5, GRID_BASE = 6, GRID_HEIGHTS = 7;
 FN bool bounded(const double* grid) { return grid[GRID_BASE] > 0; }
 
-// That of the ground that repeats, or none.
+// Collider of the ground that repeats, or null.
 template <class T> FN T* terrain(T* scene) {
     for (T* s = scene + 3; s < scene + PAIRS_AT; s += COLLIDER) if ((int)s[0] == 4 && !bounded(grid(s))) return s;
     return nullptr;
@@ -43,7 +44,8 @@ template <class T> FN T* terrain(T* scene) {
 
 FN int around(long long k, int n) { const int r = (int)(k % n); return r < 0 ? r + n : r; }
 
-// The nodes before and behind a place so many cells from a node, and where between them it is; of what ends, no farther than its edge.
+// Position u (cells) from `node` => nodes on both sides, fraction between them (returned); clamped to a bounded grid's
+// edge.
 FN real nodes(const double* grid, int axis, int node, real u, int* at) {
     const int n = (int)grid[GRID_NODES + axis];
     const real whole = floor(u);
@@ -55,11 +57,11 @@ FN real nodes(const double* grid, int axis, int node, real u, int* at) {
     const long long first = node + (long long)whole;
     at[0] = first < 0 ? 0 : first > n - 2 ? n - 2 : (int)first;
     at[1] = at[0] + 1;
-    // What is no number stays none.
+    // NaN stays NaN.
     return first < 0 ? u * 0 : first > n - 2 ? 1 + u * 0 : u - whole;
 }
 
-// Height, and how it rises along x and y, at a place so many cells from a node.
+// Bilinear height (returned) and its slopes along x and y, at (u, v) cells from `node`.
 FN real height(const double* grid, real scale, const int* node, real u, real v, real* slope) {
     int x[2], y[2];
     const real a = nodes(grid, 0, node[0], u, x), b = nodes(grid, 1, node[1], v, y);
@@ -73,6 +75,7 @@ FN real height(const double* grid, real scale, const int* node, real u, real v, 
     return low + b * (high - low);
 }
 
+// Signed distance of a place l (axes of the field, from the origin) from a height field => normal.
 FN real over(const Surface& s, V3 l, V3& normal) {
     const real cell[2] = {(real)s.grid[GRID_CELLS], (real)s.grid[GRID_CELLS + 1]}, at[2] = {l.x, l.y}, z = l.z - s.place.z;
     real slope[2];
@@ -81,7 +84,7 @@ FN real over(const Surface& s, V3 l, V3& normal) {
     normal = normal * (1 / norm(normal));
     real d = (z - high) * normal.z;
     if (!bounded(s.grid)) return d;
-    // Of the top, the sides and the foot that counts that the place is farthest outside of.
+    // Of top, sides and bottom, take the one that the place is farthest outside of.
     for (int k = 0; k < 2; k++) {
         const real half = (real)0.5 * ((real)s.grid[GRID_NODES + k] - 1), x = (((real)s.cell[k] - half) + s.part[k]) * cell[k] + at[k];
         if (size(x) - half * cell[k] > d) {
@@ -96,7 +99,7 @@ FN real over(const Surface& s, V3 l, V3& normal) {
 }
 #endif
 
-// That of a record, seen from o.
+// Collider s of a record => surface relative to o.
 FN void read(Surface& u, const double* s, const double* o) {
     u.kind = (int)s[0];
     if (u.kind == 1) {
@@ -112,7 +115,7 @@ FN void read(Surface& u, const double* s, const double* o) {
             u.scale = (real)s[13];
             for (int k = 0; k < 2; k++) {
                 const double n = u.grid[GRID_NODES + k], cells = at[k] / u.grid[GRID_CELLS + k] + (bounded(u.grid) ? 0.5 * (n - 1) : 0), whole = floor(cells);
-                // Far beyond an edge the rest is in its part.
+                // Far beyond an edge, `part` holds the remainder.
                 const double near = fmin(fmax(whole, -1e6), 1e6);
                 u.cell[k] = bounded(u.grid) ? (int)near : around((long long)whole, (int)n);
                 u.part[k] = (real)(cells - (bounded(u.grid) ? near : whole));
@@ -134,7 +137,7 @@ FN void read(Surface& u, const double* s, const double* o) {
     for (int k = 0; k < MATERIAL; k++) u.material[k] = (real)s[16 + k];
 }
 
-// The nearest place of a box to l, both from its middle; whether l is inside.
+// Nearest surface place of a box to l, both from its centre. Returns whether l is inside.
 FN bool box(V3 half, V3 l, V3& nearest) {
     real a[3] = {l.x, l.y, l.z}, h[3] = {half.x, half.y, half.z}, b[3];
     bool inside = true;
@@ -152,7 +155,7 @@ FN bool box(V3 half, V3 l, V3& nearest) {
     return inside;
 }
 
-// The same of a cylinder.
+// The same for a cylinder.
 FN bool peg(V3 half, V3 l, V3& nearest) {
     const real radius = half.x, high = half.y, across = sqrt(l.x * l.x + l.z * l.z);
     const bool level = size(l.y) <= high, within = across <= radius, axial = across <= (real)1e-15;
@@ -169,7 +172,7 @@ FN bool peg(V3 half, V3 l, V3& nearest) {
 #if HULLS
 FN V3 corner(const double* t, int k) { return v3((real)t[3 * k], (real)t[3 * k + 1], (real)t[3 * k + 2]); }
 
-// The same of a hull. From outside it is on a triangle that is seen: straight below, or on an edge that l is beyond.
+// The same for a hull. From outside it lies on a triangle that faces l: at the foot of l, or on an edge.
 FN bool hull(const Surface& s, V3 l, V3& nearest) {
     const int count = (int)s.grid[0];
     real depth = infinite(), way = infinite();
@@ -200,7 +203,7 @@ FN bool hull(const Surface& s, V3 l, V3& nearest) {
 }
 #endif
 
-// Signed distance of a point, with the outward normal and the nearest place.
+// Signed distance of a place => outward normal, nearest place of the surface.
 FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
     if (s.kind == 1) {
         const real d = dot(s.normal, p) - s.offset;
@@ -228,7 +231,7 @@ FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
         inside = off < s.half.x;
         b = off > (real)1e-15 ? axis + out * (s.half.x / off) : axis + v3(s.half.x, 0, 0);
     } else if (s.kind == 6 && away > (real)1.5 * s.half.x) {
-        b = l * (s.half.x / away);      // no farther than the ball around it
+        b = l * (s.half.x / away);      // far away, the bounding ball stands for the hull
     } else {
         inside = s.kind == 6 ? hull(s, l, b) : s.kind == 2 ? box(s.half, l, b) : peg(s.half, l, b);
     }

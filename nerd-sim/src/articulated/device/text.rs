@@ -1,18 +1,18 @@
-//! Texts with numbers of the host.
+//! CUDA text with numbers from the host.
 
 use std::fmt::Display;
 
-/// A text with sizes and tables of the host.
+/// A text with sizes and tables from the host.
 #[derive(Default)]
 pub struct Text(pub String);
 
 impl Text {
-    /// Names for what does not change.
+    /// Defines macros for constants.
     pub fn define<T: Display>(&mut self, all: impl IntoIterator<Item = (&'static str, T)>) {
         all.into_iter().for_each(|(name, value)| self.0 += &format!("#define {name} {value}\n"));
     }
 
-    /// An array with at least one entry, since none may have none.
+    /// Defines a constant array; an empty one gets a zero, since C++ has no empty arrays.
     pub fn table(&mut self, kind: &str, name: &str, numbers: impl IntoIterator<Item = f64>) {
         let mut entries: Vec<String> = numbers.into_iter().map(|x| format!("({kind}){}", number(x))).collect();
         entries.resize(entries.len().max(1), "0".into());
@@ -20,7 +20,7 @@ impl Text {
     }
 }
 
-/// What is infinite is more than any number of a frame, and fits into an f32.
+/// Formats a number, limited to +-1e38 so that infinity fits into an f32.
 pub fn number(x: f64) -> String {
     format!("{:e}", x.clamp(-1e38, 1e38))
 }

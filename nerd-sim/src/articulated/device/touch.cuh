@@ -1,38 +1,40 @@
-// What touches in a substep: points on surfaces, joints beyond limits, dry friction; and drives. As articulated/touches.rs.
-// NP points (locus.cuh); NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
-// TOP, SPRING and SLACK (stiffness, and where it pulls to).
+// Touches of a substep (contacts, joints beyond limits, dry friction) and drives, as articulated/touches.rs. NP points
+// (locus.cuh), NC colliders. Per joint: DAMPING, DRY, LIMIT (ends, stiffness, damping), TOP (velocity), SPRING, SLACK.
 
 constexpr int SCENE = SHARED + OWN;          // numbers of a scene's record
 constexpr int DRIVES = DRIVEN ? NJ : 0;
 constexpr int PAIRS = NP * NC;
 constexpr int MOST = PAIRS + PRESSED + 1;            // PRESSED: dry friction, both ends of a range
 constexpr int WEIGHTS = PAIRS + 2 * NJ + DRIVES + 1;
-constexpr int DRIVEN_AT = PAIRS + 2 * NJ;            // where those of the drives begin
+constexpr int DRIVEN_AT = PAIRS + 2 * NJ;            // first weight of the drives
 
 struct Touch {
     int index;
-    int link;             // of a point; -1: of a joint
+    int link;             // of a contact; -1: of a joint
     int dof;              // of a joint
-    V3 x;                 // where, or the joint's column
-    V3 start, turn;       // of a point: its velocity at the start, and what that changes by without accelerations (touch.rs)
+    V3 x;                 // contact position (from the root), or the joint's column
+    V3 start, turn;       // of a contact: velocity at the substep's start, its rate at zero qdd (touch.rs)
     V3 normal, velocity, force;
-    real gap, stiffness, damping, friction_damping, friction, release, across;
-    real ahead[3];
+    V3 slip_offset, slip_offset_start;   // of a contact: slip with zero drag force, now and at the start (touch.rs)
+    real gap, stiffness, damping, friction_damping, friction, release, drag;   // damping: the one in use
+    real approach;        // of a contact: damping while approaching (touch.rs)
+    real theta[3];
 #if TURNS
-    V3 spin;              // of a point: how its link turns
-    real torsion, rolling, about, turning;    // what resists that (m), and drags about the normal and across it
+    V3 spin;              // of a contact: angular velocity of its link
+    real torsion, rolling, about, turning;    // coefficients (m); drags about the normal and across it
+    real gyration;                            // squared radius of gyration of the link (m^2)
+    V3 turn_offset, turn_offset_start, torque;                // turn without torque, now and at the start; torque (turning.rs)
 #endif
     bool sticky, bounded, parted;
 };
 
-// Drives of all joints, each number of all of them together: they act in every substep, and a thread that fetches the next joint's number with this
-// one's waits once for both.
+// Drives of all joints, as a structure of arrays: loads for neighbouring joints overlap.
 constexpr int PULLS = DRIVES + 1;
 struct Drives {
     double target[PULLS];
     real kp[PULLS], kd[PULLS], speed[PULLS], effort[PULLS];
-    real ahead[2][PULLS];
-    // The torque without accelerations, and what a change of velocity by h takes off it, until it is beyond a bound and held there.
+    real theta[2][PULLS];
+    // Torque at unchanged velocity, and its decrease per change of velocity; at a bound, that bound and 0.
     real torque[PULLS], resists[PULLS], low[PULLS], high[PULLS];
     unsigned held[PULLS / 32 + 1];
 };
@@ -47,31 +49,38 @@ struct Work {
 #endif
     V3 gravity;
     Touch touch[MOST];
-    int touches, points;  // the points' come first
-    double tau[NJ + 1];   // as asked for, but here those of a warp's environments lie side by side
+    int touches, points;  // contacts come first
+    double tau[NJ + 1];   // a local copy, which the threads of a warp read side by side
     Drives drives;
-    real weight[WEIGHTS]; // w, found once a frame; negative: not yet
-    bool plain;           // whether the substep's mass matrix is factorised, and
-    real alone[NJ + 1];   // accelerations of joints under a unit torque are found
-    real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
-    bool even;            // whether contacts and limits take the means over a substep
-    bool eventful;        // whether something was met in the frame that may give energy
-    double work, effort;  // of the drives in the frame, and its size either way
+    real weight[WEIGHTS]; // w, found once a frame; negative: unknown
+    real slide[PAIRS + 1];         // of contacts: w across the normal; force of the substep before
+    V3 pressed[PAIRS + 1];
+#if TURNS
+    V3 turn_offset[PAIRS + 1];  // torque of the substep before
+#endif
+    bool plain;           // whether the substep's mass matrix is factorised and `alone` known
+    real alone[NJ + 1];   // w of joints: accelerations under a unit torque
+    real damping_used[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // damping, thetas, torque of the spring
+    bool mean_theta;            // whether contacts and limits use theta of the mean over a substep
+    bool may_gain_energy;        // whether something happened in the frame that may add energy
+    bool touched;             // whether a point touched in the frame
+    real velocity_factor;            // factor on velocities at the frame's end (articulated/energy.rs)
+    double work, effort;  // of the drives in the frame; sum of its absolute values (J)
     double before[WHIPS ? NQ : 1];
     Along along;
-    Wrench external[FOLDS ? NL : 1];      // what links do to each other
+    Wrench external[FOLDS ? NL : 1];      // forces between links
     real rate[NV], middle[NV], right[NV], qdd[NV];
-    // Of the substep's first solves, where a second middle was found: whether it was one solve, its rate, and which touches were idle (with drives; else none).
+    // First stage of the substep, if it had two: rate; whether it was a single solve; idle touches (with drives only).
     real guess[NV];
     bool twice, once, early[DRIVEN ? MOST + DRIVES : 1];
 };
 
-// Whether a touch does nothing, or a drive, which come after the touches, what does not change.
+// Whether a contact has separated or, for numbers after the touches, a drive is at its bound.
 FN bool idle(const Work& w, int n) { return n < w.touches ? w.touch[n].parted : held(w.drives, n - w.touches); }
 
-// Whom a frame tells of its substeps: nobody, or who goes back over them (back.cuh).
+// Observer of a frame's substeps that does nothing; back.cuh has one that records them.
 struct Nobody {
-    static constexpr int most = 1 << 30;   // substeps of a frame that it can be told of
+    static constexpr int most = 1 << 30;   // most substeps of a frame
     void begin(bool, int) const {}
     void begins(const Work&, int) const {}
     void ends(const Work&, int, real) const {}
@@ -79,7 +88,7 @@ struct Nobody {
 
 FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }
 
-// The scene from where the root stands now.
+// Surfaces relative to the root's position.
 FN void survey(Work& w, const double* scene) {
     const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
     w.surfaces = 0;
@@ -94,19 +103,20 @@ FN void survey(Work& w, const double* scene) {
     }
 }
 
-// What a frame is asked for: torques and drives, or servos of a law KP, KD within BOUND by their torques as it begins, as drive.rs.
+// Torques and drives of a frame. SERVO: targets of a law KP, KD within TORQUE_LIMIT with these torques at the start
+// (drive.rs).
 #if SERVO
 FN void ask(Work& w, const double* state, const double* tau, const double* scene, const double*) {
     for (int i = 0; i < NJ; i++) {
         const double kp = KP(scene)[i], kd = KD(scene)[i], q = state[COORDS + i], qd = state[NQ + DOFS + i];
         w.tau[i] = kp > 0 || kd > 0 ? 0 : tau[i];
-        w.drives.kp[i] = (real)kp; w.drives.kd[i] = (real)kd; w.drives.effort[i] = (real)BOUND[i];
+        w.drives.kp[i] = (real)kp; w.drives.kd[i] = (real)kd; w.drives.effort[i] = (real)TORQUE_LIMIT[i];
         w.drives.target[i] = kp > 0 ? q + (tau[i] + kd * qd) / kp : 0;
         w.drives.speed[i] = kp > 0 || !(kd > 0) ? 0 : (real)(qd + tau[i] / kd);
     }
 }
 
-// Gradients by the torques and the state from those by targets and speeds.
+// Adjoint of servos: gradients w.r.t. targets and speeds => by_tau, and by_state (added to).
 FN void servos_back(const double* scene, const real (*by)[2], double* by_state, double* by_tau) {
     for (int i = 0; i < NJ; i++) {
         const double kp = KP(scene)[i], kd = KD(scene)[i];
@@ -131,7 +141,7 @@ FN void ask(Work& w, const double*, const double* tau, const double*, const doub
 }
 #endif
 
-// What a substep meets.
+// Gravity and surfaces of a substep.
 FN void see(Work& w, const double* scene) {
     w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
     survey(w, scene);
@@ -143,11 +153,11 @@ FN const double* material(const Work& w, int point, int c) { return w.pairs + MA
 #else
 FN const real* material(const Work& w, int, int c) { return w.surface[c].material; }
 #endif
-// Whether they ever meet, and how far apart their forces begin.
+// Whether they ever meet; margin of their contact (m).
 FN bool may(const Work& w, int point, int c) { return !PAIRED || material(w, point, c)[0] >= 0; }
 FN real margin(const Work& w, int point, int c) { return (real)material(w, point, c)[6]; }
 
-// Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
+// Gap in a substep's middle, half its change => part of the substep with a negative gap, mean gap there. False if none.
 FN bool inside(real& gap, real half, real& part) {
     const real low = gap - size(half), high = gap + size(half);
     if (!(low < 0)) return false;
@@ -159,16 +169,29 @@ FN bool inside(real& gap, real half, real& part) {
 FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
     t.sticky = t.bounded = t.parted = false;
-    t.friction_damping = t.friction = t.release = t.across = 0;
-    t.force = t.turn = v3(0, 0, 0);
+    t.friction_damping = t.friction = t.release = t.drag = t.approach = 0;
+    t.force = t.turn = t.slip_offset = t.slip_offset_start = v3(0, 0, 0);
 #if TURNS
-    t.torsion = t.rolling = t.about = t.turning = 0;
+    t.torsion = t.rolling = t.about = t.turning = t.gyration = 0;
+    t.turn_offset = t.turn_offset_start = t.torque = v3(0, 0, 0);
 #endif
     return t;
 }
 
+#if TURNS
+// Squared radius of gyration of a link (m^2), as turning.rs.
+FN real gyration(const Tree& t, int link) {
+    const real* a = BODY(t) + 9 * link;
+    const real x = a[4] * a[8] - a[5] * a[7], y = a[0] * a[8] - a[2] * a[6], z = a[0] * a[4] - a[1] * a[3];
+    const real det = a[0] * x - a[1] * (a[3] * a[8] - a[5] * a[6]) + a[2] * (a[3] * a[7] - a[4] * a[6]);
+    const real square = 3 * det / (MASS(t)[link] * (x + y + z));
+    return square > MIN_GYRATION ? square : MIN_GYRATION;
+}
+#endif
+
 FN real falls(const Work& w, real h) { return h * h * norm(w.gravity); }
 
+// Adds the contact of a point with surface c, if inside it in some part of the substep.
 FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     if (!may(w, point, c)) return;
     const int link = POINT_LINK[point];
@@ -177,26 +200,27 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     real gap = dot(n, x - nearest) - margin(w, point, c), part;
     const real half = (real)0.5 * h * dot(n, velocity);
     if (!inside(gap, half, part)) {
-        // A point that falls by this distance may land within the substep although it would not at its present velocity.
-        w.eventful = w.eventful || gap - size(half) < falls(w, h);
+        // By falling this far a point may land within the substep, although not at its present velocity.
+        w.may_gain_energy = w.may_gain_energy || gap - size(half) < falls(w, h);
         return;
     }
-    w.eventful = w.eventful || (LOCI && LOCUS[point]);
+    w.may_gain_energy = w.may_gain_energy || (LOCI && LOCUS[point]);
     Touch& t = next(w);
     const auto* m = material(w, point, c);
     t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.start = t.velocity = velocity; t.gap = gap;
-    t.stiffness = part * (real)m[0]; t.damping = part * (real)m[1]; t.friction_damping = part * (real)m[2]; t.friction = (real)m[3]; t.release = (real)m[7];
+    t.stiffness = part * (real)m[0]; t.damping = t.approach = part * (real)m[1]; t.friction = (real)m[3]; t.release = (real)m[7];
 #if TURNS
     t.spin = w.tree.velocity[link].ang; t.torsion = (real)m[4]; t.rolling = (real)m[5];
+    if (t.torsion > 0 || t.rolling > 0) t.gyration = gyration(w.tree, link);
 #endif
 }
 
-// Points of a word of the mask of those that may touch.
+// Points per word of a mask of points.
 constexpr int WORD = 32, WORDS = NP / WORD + 1;
 
-// Which points may be beyond a plane in some part of the substep: for all of them together little work, and none for those that are far.
-// A distance that is not a number may be anywhere. Of ground that is not flat, which may be beyond the plane of its highest place: a ball touches a
-// slope before it comes down to it.
+// Mask of the points that may be beyond a plane in some part of the substep: cheap for all of them, as most are far
+// away. A NaN distance counts as near. A height field is taken as the plane at its highest place, with distances scaled
+// by `steep`, since a ball touches a gradient before it comes down to it.
 FN void near(const Work& w, real h, unsigned* mask) {
     const Tree& t = w.tree;
     const Surface& plane = w.surface[0];
@@ -209,12 +233,12 @@ FN void near(const Work& w, real h, unsigned* mask) {
     constexpr bool field = false;
     constexpr real steep = 1;
 #endif
-    onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
+    for_up<0, NP, UNROLLED && NP <= 64>([&](auto point) {
         if (!may(w, point, 0)) return;
         const int link = POINT_LINK[point];
         const real radius = RADIUS[point] + margin(w, point, 0) + fall;
         if (LOCI && LOCUS[point]) {
-            // Wherever on its link it lies, it does not come down: its vertices need not be asked.
+            // It stays above wherever it lies on its link: its vertices need no test.
             const V3 m = middle(t, point);
             const real speed = norm(at(t.velocity[link], m)) + norm(t.velocity[link].ang) * REACH[point];
             const real d = dot(n, m) - plane.offset - steep * (REACH[point] + radius);
@@ -229,7 +253,7 @@ FN void near(const Work& w, real h, unsigned* mask) {
     });
 }
 
-// What a point that may touch does; false if a distance is none.
+// Adds the contacts of a point that may touch. False if a distance is NaN.
 FN bool meet(Work& w, int point, real h) {
     const Tree& tr = w.tree;
     V3 n, nearest;
@@ -251,7 +275,7 @@ FN bool meet(Work& w, int point, real h) {
         const real reach = RADIUS[point] + margin(w, point, c) + falls(w, h) + h * speed;
         if (!(d[c] < reach)) continue;
         meets(tr, w.surface[c], point, n, nearest);
-        // A place of a surface that a nearer collider covers is no surface.
+        // A surface does not act where a nearer collider covers it.
         bool covered = false;
         for (int o = 0; o < w.surfaces && d[c] > 0 && !covered; o++) {
             const bool nearer = d[o] < reach && (d[o] < d[c] || (d[o] == d[c] && o < c));
@@ -263,13 +287,12 @@ FN bool meet(Work& w, int point, real h) {
     return true;
 }
 
-// All points and joints that are beyond their surface in some part of the substep in whose middle they are now; false if a distance
-// is none.
+// All touches of a substep, from the pose in its middle. False if a distance is NaN.
 BIG bool find(Work& w, real h) {
     Tree& tr = w.tree;
     velocities(tr, tr.qd);
     w.touches = 0;
-    onward<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
+    for_up<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
     unsigned mask[WORDS];
     const bool flat = w.surfaces == 1 && (w.surface[0].kind == 1 || FIELDS && w.surface[0].kind == 4);
     for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
@@ -283,7 +306,7 @@ BIG bool find(Work& w, real h) {
     const int points = NP * w.surfaces;
     for (int i = 0; i < NJ; i++) {
         if (!(DRY(tr)[i] > 0)) continue;
-        // Pressed with its friction at a coefficient of 1.
+        // As a contact with friction 1, pressed with the dry friction.
         Touch& t = next(w);
         t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
         t.stiffness = 1; t.damping = 0; t.friction_damping = DRY(tr)[i] / CREEP; t.friction = 1;
@@ -307,14 +330,14 @@ BIG bool find(Work& w, real h) {
     return true;
 }
 
-// The columns of a point's Jacobian: a[k] of each DoF from the link upward.
+// Jacobian of a place x on a link: column a[k] of each DoF from the link upward.
 template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
     upward(last_dof(link), [&](auto k) { a[k] = v3(0, 0, 0); });
-    lineage(link, [&](auto i) {
+    for_ancestors(link, [&](auto i) {
         if (DOFS && i == 0) {
             for (int k = 0; k < 6; k++) a[k] = k < 3 ? cross(unit(k), x) : unit(k - 3);
         } else {
-            // Joints that follow one share its column.
+            // Mimic joints share their leader's column.
             const int k = DOF[i];
             a[k] = a[k] + at(t.axis[i], x);
         }
@@ -322,29 +345,24 @@ template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
 }
 
 #if TURNS
-// The columns of a link's turn likewise.
+// The same for a link's angular velocity.
 template <class I> FN void spins(const Tree& t, I link, V3* a) {
     upward(last_dof(link), [&](auto k) { a[k] = v3(0, 0, 0); });
-    lineage(link, [&](auto i) {
+    for_ancestors(link, [&](auto i) {
         if (DOFS && i == 0) for (int k = 0; k < 3; k++) a[k] = unit(k);
         else a[DOF[i]] = a[DOF[i]] + t.axis[i].ang;
     });
 }
 
-// Of a point, whether torsional or rolling friction acts; their drags, at a normal force and a turn, and their torque.
+// Whether a contact has torsional or rolling friction; torque against an angular velocity.
 FN bool turns(const Touch& t) { return t.torsion > 0 || t.rolling > 0; }
-FN void turn_drags(const Touch& t, real normal, V3 spin, real& about, real& across) {
-    const real rate = dot(t.normal, spin);
-    about = t.torsion * normal / most(size(rate), CREEP);
-    across = t.rolling * normal / most(norm(spin - t.normal * rate), CREEP);
-}
 FN V3 turn_torque(const Touch& t, V3 spin) { return t.normal * ((t.turning - t.about) * dot(t.normal, spin)) - spin * t.turning; }
 #endif
 
-// f(touch, link) for every point that touches.
+// Calls f(touch, link) for every contact.
 template <class F> FN void points(Work& w, const F& f) {
     if constexpr (UNROLLED)
-        onward<0, NL>([&](auto link) {
+        for_up<0, NL>([&](auto link) {
             if constexpr (pointed(link.n))
                 for (int k = 0; k < w.points; k++) if (w.touch[k].link == link) f(w.touch[k], link);
         });
@@ -352,8 +370,33 @@ template <class F> FN void points(Work& w, const F& f) {
         for (int k = 0; k < w.points; k++) f(w.touch[k], w.touch[k].link);
 }
 
-// Friction over slip.
+// Sets the slip offset so that the drag has a force's friction part at zero slip: force => t.slip_offset.
+FN void hold(Touch& t, V3 force) {
+    t.slip_offset = t.friction_damping > 0 ? (force - t.normal * dot(t.normal, force)) * (1 / t.friction_damping) : v3(0, 0, 0);
+}
+
+// Friction force over slip (N s/m), by Coulomb's law.
 FN real drag(real normal, real speed, real friction_damping, real friction) {
     const real limit = friction * normal;
     return friction_damping * speed <= limit ? friction_damping : limit / speed;
 }
+
+// The same, at a larger slip where the drag `before` exceeded the cone and `inertia`, as stick.rs's `breaking`.
+FN real breaking(real normal, real speed, real before, real friction_damping, real friction, real inertia) {
+    const real over = speed * before - friction * normal;
+    return drag(normal, over > 0 && before > inertia ? speed + BREAKAWAY * over / inertia : speed, friction_damping, friction);
+}
+
+#if TURNS
+// For torques: the sticking drag; the same for a coefficient; `hold`; drags at a turn, `leaps` as in update_touches.
+FN real sticks(const Touch& t) { return TURN_STICK_DRAG * t.gyration * t.friction_damping; }
+FN real stick(const Touch& t, real arm) { return arm > 0 ? sticks(t) : 0; }
+FN void wind(Touch& t, V3 torque) {
+    if (turns(t)) t.turn_offset = torque * (1 / sticks(t));
+}
+FN void turn_drags(const Touch& t, real normal, V3 slip, bool leaps, real& about, real& across) {
+    const real rate = dot(t.normal, slip), inertia = leaps ? TURN_INERTIA * sticks(t) * (1 / STICK_DRAG) : infinite();
+    about = breaking(normal, size(rate), t.about, stick(t, t.torsion), t.torsion, inertia);
+    across = breaking(normal, norm(slip - t.normal * rate), t.turning, stick(t, t.rolling), t.rolling, inertia);
+}
+#endif

@@ -1,31 +1,31 @@
-// The tree: kinematics, mass matrix, bias and factor, as nerd_core::dynamics has them. Sizes and tables come from the host
-// (program.rs): NL links, NV velocities, NQ coordinates, NJ joints, DOFS and COORDS of the root, and per link PARENT (-1), DOF,
-// JOINT (index of its coordinate), SLIDES, RATIO and OFFSET of a joint that follows, PLACE, TURN, AXIS, MASS, COM, BODY, ARMATURE; of a
-// family's robots some of these are in the tree, and `MASS(t)` is whichever it is.
+// The tree: kinematics, mass matrix, bias forces and factor, as nerd_core::dynamics. The host (program.rs) defines
+// sizes and tables: NL links, NV velocities, NQ coordinates, NJ joints, DOFS and COORDS of the root. Per link: PARENT
+// (or -1), DOF, JOINT (index of its coordinate), SLIDES, RATIO and OFFSET (mimic joints), PLACE, TURN, AXIS, MASS, COM,
+// BODY, ARMATURE. `MASS(t)` is a constant table, or in a family may be the tree's own (own.rs).
 
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
-constexpr int KEPT = ALONG && HELD && !MATRIX ? 1 : SIZE;   // no matrix where the tree is all that is ever asked
-constexpr int HERE = UNROLLED ? SIZE : 1;        // entries that a walk has in registers
+constexpr int KEPT = ALONG && HELD && !MATRIX ? 1 : SIZE;   // no matrix where only solves along the tree are used
+constexpr int HERE = UNROLLED ? SIZE : 1;        // entries that an unrolled walk keeps in registers
 
 struct Tree {
     double q[NQ];
     real qd[NV];         // local: (w, p_dot) of a floating root
     M3 rotation[NL];
     V3 position[NL];     // from the origin
-    V3 centre;           // what the place in q is, on the root's link: its origin, or in an implicit frame its centre of mass (spin.cuh)
+    V3 centre;           // point of the root's link at q: origin, or centre of mass in implicit frames (spin.cuh)
     Motion axis[NL];
     Motion velocity[NL];
-    real tau[NV];        // bias
+    real tau[NV];        // bias forces
     real mass[KEPT];
     real factor[KEPT];   // diagonal inverted
     int lost;
 #if OWNED
-    real own[OWNED];     // tables of which each robot of a family has its own (own.rs)
+    real own[OWNED];     // tables that differ in a family (own.rs)
 #endif
 };
 
-// Whose tree it is: the numbers that follow a scene in its record.
+// Copies a robot's own parameters from its record.
 FN void know(Tree& t, const double* scene) {
 #if OWNED
     for (int k = 0; k < OWNED; k++) t.own[k] = (real)scene[SHARED + k];
@@ -35,18 +35,19 @@ FN void know(Tree& t, const double* scene) {
 FN V3 unit(int k) { return v3(k == 0, k == 1, k == 2); }
 FN Motion rootward(int k) { return k < 3 ? motion(unit(k), v3(0, 0, 0)) : motion(v3(0, 0, 0), unit(k - 3)); }
 
-// What a joint's turn has of 1, sine and cosine; most robots' axes leave many of them zero.
+// Entry of a joint's rotation: TURN has factors of 1, sine and cosine, many of them zero.
 FN real turned(int entry, int i, real s, real c) {
     const real *own = TURN + 27 * i + entry;
     return own[0] + (own[9] != 0 ? own[9] * s : 0) + (own[18] != 0 ? own[18] * c : 0);
 }
 
+// Poses and axes of the links: t.q => t.rotation, t.position, t.axis.
 BIG void kinematics(Tree& t) {
     M3 base;
     if (DOFS) base = matrix(read4(t.q + 3));
     else for (int k = 0; k < 9; k++) base.m[k] = BASE[k];
     if (DOFS) { t.rotation[0] = base; t.position[0] = CENTRED ? base * t.centre * -1 : v3(0, 0, 0); }
-    onward<DOFS ? 1 : 0, NL>([&](auto i) {
+    for_up<DOFS ? 1 : 0, NL>([&](auto i) {
         const int p = PARENT[i];
         const M3 parent = p < 0 ? base : t.rotation[p];
         V3 position = (p < 0 ? v3(0, 0, 0) : t.position[p]) + parent * read3(PLACE + 3 * i);
@@ -70,9 +71,9 @@ BIG void kinematics(Tree& t) {
 
 FN Motion root(const real* qd) { return motion(v3(qd[0], qd[1], qd[2]), v3(qd[3], qd[4], qd[5])); }
 
-// Twists of the links.
+// Twists of the links: qd => twist.
 FN void twists(const Tree& t, const real* qd, Motion* twist) {
-    onward<0, NL>([&](auto i) {
+    for_up<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             twist[0] = root(qd);
             return;
@@ -85,19 +86,19 @@ FN void twists(const Tree& t, const real* qd, Motion* twist) {
 
 BIG void velocities(Tree& t, const real* qd) { twists(t, qd, t.velocity); }
 
-// The weight of what is lifted of a link, at its place; what the damping of a free root resists a twist with.
+// Position of a link's gravity-compensated mass; wrench of a free root's damping against a twist.
 template <class I> FN V3 lifted(const Tree& t, I i) { return t.position[i] + t.rotation[i] * read3(LIFT(t) + 4 * i + 1); }
 FN Wrench drag(const Tree& t, const Motion& v) {
     const V3 f = at(v, t.position[0]) * (real)ROOT_DAMPING;
     return wrench(v.ang * (real)ROOT_DAMPING + cross(t.position[0], f), f);
 }
 
-// Torques at zero acceleration into t.tau, those of wrenches from outside taken off; fills t.velocity.
+// Bias forces by RNEA at zero qdd, less J^T external => t.tau; twists => t.velocity.
 BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
     Motion velocity[NL], acceleration[NL];
     Wrench force[NL];
     const Motion base = motion(v3(0, 0, 0), gravity * (real)-1);
-    onward<0, NL>([&](auto i) {
+    for_up<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             velocity[0] = root(qd);
             acceleration[0] = base;
@@ -124,7 +125,7 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
         if (external) force[i] = wrench(force[i].ang - external[i].ang, force[i].lin - external[i].lin);
     });
     real tau[NV];
-    onward<0, NV>([&](auto k) { tau[k] = 0; });
+    for_up<0, NV>([&](auto k) { tau[k] = 0; });
     backward<0, NL>([&](auto i) {
         if (DOFS && i == 0) {
             tau[0] = force[0].ang.x; tau[1] = force[0].ang.y; tau[2] = force[0].ang.z;
@@ -135,9 +136,10 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
         const int p = PARENT[i];
         if (p >= 0) force[p < 0 ? 0 : p] = force[p < 0 ? 0 : p] + force[i];
     });
-    onward<0, NV>([&](auto k) { t.tau[k] = tau[k]; });
+    for_up<0, NV>([&](auto k) { t.tau[k] = tau[k]; });
 }
 
+// Spatial inertia of link i about the origin.
 FN Inertia body(const Tree& t, int i) {
     const M3& r = t.rotation[i];
     M3 own;
@@ -157,22 +159,23 @@ FN Inertia body(const Tree& t, int i) {
     return b;
 }
 
-// Every entry of the factor that may be other than zero, as its place in a lower triangle.
+// Calls f with the index in a lower triangle of every entry that may be nonzero.
 template <class F> FN void entries(const F& f) {
-    onward<0, NV>([&](auto i) { upward(i, [&](auto j) { f(LOWER(i, j)); }); });
+    for_up<0, NV>([&](auto i) { upward(i, [&](auto j) { f(LOWER(i, j)); }); });
 }
 
 FN void enter(real* mass, int i, int j, real value) {
-    // On the diagonal, of a joint that follows one above it, both triangles meet.
+    // On the diagonal, of a mimic joint below its leader, both triangles meet.
     if (i == j) mass[LOWER(i, i)] += 2 * value;
     else mass[i > j ? LOWER(i, j) : LOWER(j, i)] += value;
 }
 
+// Mass matrix by CRBA => t.mass.
 BIG void crba(Tree& t) {
     Inertia composite[NL];
     real here[HERE], *mass = UNROLLED ? here : t.mass;
     entries([&](int k) { mass[k] = 0; });
-    onward<0, NL>([&](auto i) { composite[i] = none(); });
+    for_up<0, NL>([&](auto i) { composite[i] = none(); });
     backward<DOFS ? 1 : 0, NL>([&](auto j) {
         add(composite[j], body(t, MASS_OF[j]));
         const Wrench momentum = composite[j] * t.axis[j];
@@ -194,14 +197,14 @@ BIG void crba(Tree& t) {
     if (UNROLLED) entries([&](int k) { t.mass[k] = mass[k]; });
 }
 
-// L^T L in place of entries of a mass matrix, the diagonal of L inverted; false at t.lost where that is not positive definite.
+// M = L^T L, in place, with L's diagonal inverted. False, with the DoF in t.lost, if M is not positive definite.
 FN bool factorise(Tree& t, real* l) {
     real given[NV];
     int lost = -1;
-    onward<0, NV>([&](auto k) { given[k] = l[LOWER(k, k)]; });
+    for_up<0, NV>([&](auto k) { given[k] = l[LOWER(k, k)]; });
     backward<0, NV>([&](auto k) {
         const real square = l[LOWER(k, k)];
-        // What follows is of no use then, and does no harm.
+        // After a failure the remaining values are unused and harmless.
         if (!(square > (real)1e-12 * given[k]) && lost < 0) lost = k;
         const real inverse = inverse_root(square);
         l[LOWER(k, k)] = inverse;
@@ -223,7 +226,7 @@ BIG bool refill(Tree& t) {
     return sound;
 }
 
-// L^-T x in place, then L^-1 x.
+// L^-T x (half) and L^-1 x (rest), in place.
 FN void half(const real* l, real* x) {
     backward<0, NV>([&](auto i) {
         x[i] *= l[LOWER(i, i)];
@@ -231,7 +234,7 @@ FN void half(const real* l, real* x) {
     });
 }
 FN void rest(const real* l, real* x) {
-    onward<0, NV>([&](auto i) {
+    for_up<0, NV>([&](auto i) {
         above(i, [&](auto j) { x[i] -= l[LOWER(i, j)] * x[j]; });
         x[i] *= l[LOWER(i, i)];
     });
@@ -239,13 +242,13 @@ FN void rest(const real* l, real* x) {
 
 BIG void solve(const Tree& t, real* x) {
     real own[NV];
-    onward<0, NV>([&](auto k) { own[k] = x[k]; });
+    for_up<0, NV>([&](auto k) { own[k] = x[k]; });
     half(t.factor, own);
     rest(t.factor, own);
-    onward<0, NV>([&](auto k) { x[k] = own[k]; });
+    for_up<0, NV>([&](auto k) { x[k] = own[k]; });
 }
 
-// The pose after a time at local velocities.
+// Advances the pose by `time` at local velocities t.qd.
 FN void drift(Tree& t, real time) {
     for (int i = 0; i < NJ; i++) t.q[COORDS + i] += t.qd[DOFS + i] * time;
     if (DOFS) {

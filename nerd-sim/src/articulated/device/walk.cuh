@@ -1,6 +1,6 @@
-// Walks over a robot's tree. UNROLLED: every index is a constant of the program, so tables are numbers within the instructions, zeros of the
-// factor are never touched, and what a walk reckons with stays in registers. A thread has few neighbours to hide its waits behind, so
-// chasing indices through memory is what costs. Larger robots, whose text would grow too long, have plain loops. An index is an At or an int.
+// Walks over a robot's tree. UNROLLED: every index is a compile-time constant, so table entries become immediates,
+// zeros of the factor are skipped and intermediates stay in registers. Too few threads run at a time to hide the
+// latency of index loads. Larger robots, with too long a text, have plain loops. An index is an At or an int.
 
 template <int N> struct At {
     static constexpr int n = N;
@@ -20,8 +20,8 @@ template <int I, class F> FN void ascend(const F& f) {
     if constexpr (I >= 0) { f(At<I>()); ascend<PARENT[I]>(f); }
 }
 
-// FROM to TO - 1, and the other way.
-template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void onward(const F& f) {
+// FROM to TO - 1, and in reverse.
+template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void for_up(const F& f) {
     if constexpr (AS_TEXT) rise<FROM, TO>(f);
     else for (int i = FROM; i < TO; i++) f(i);
 }
@@ -30,7 +30,7 @@ template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void backward(c
     else for (int i = TO - 1; i >= FROM; i--) f(i);
 }
 
-// The DoF above k, and k with them.
+// The DoFs above k; k and those above (upward).
 template <int K, class F> FN void above(At<K>, const F& f) { climb<ABOVE[K]>(f); }
 template <class F> FN void above(int k, const F& f) { for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) f(i); }
 template <class K, class F> FN void upward(K k, const F& f) {
@@ -38,15 +38,15 @@ template <class K, class F> FN void upward(K k, const F& f) {
     above(k, f);
 }
 
-// The links above i, and i with them.
+// The links above i; i and those above (for_ancestors).
 template <int I, class F> FN void forebears(At<I>, const F& f) { ascend<PARENT[I]>(f); }
 template <class F> FN void forebears(int i, const F& f) { for (int k = PARENT[i]; k >= 0; k = PARENT[k]) f(k); }
-template <class I, class F> FN void lineage(I i, const F& f) {
+template <class I, class F> FN void for_ancestors(I i, const F& f) {
     f(i);
     forebears(i, f);
 }
 
-// The last DoF that moves a link: from it upward are all that do.
+// Last DoF that moves a link; the others are above it.
 constexpr int last_dof(int link) {
     int last = -1;
     for (int i = link; i >= 0; i = PARENT[i]) {

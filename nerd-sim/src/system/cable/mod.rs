@@ -1,8 +1,9 @@
-//! A cable, hose or rope as a robot: a chain of rods, with hinges between them that bend and twist like it.
+//! A cable, hose or rope as a robot: a chain of rigid rods with sprung hinges for bending and twisting.
 //!
-//! `[cable]` in a TOML holds a data sheet; all other keys of a robot's TOML may follow. Rods are rigid and of equal length l. Two
-//! neighbours are joined by a hinge for each direction of bending and, if the cable twists, one along the rod, with springs of `E I / l`
-//! and `G J / l`. A clamp of the first rod has the compliance of half a rod, `2 E I / l`, so that a cantilever sags as a beam does.
+//! `[cable]` in a TOML holds a data sheet; all other keys of a robot's TOML may follow. Rods have equal length l.
+//! Neighbours are joined by two bending hinges with springs `E I / l`. Cables that twist have a third hinge along the
+//! rod with a spring `G J / l`. The clamp of the first rod has half a rod's compliance (spring `2 E I / l`), so a
+//! cantilever sags like a beam.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -15,4 +16,4 @@
 mod robot;
 mod spec;
 
-pub use spec::{CableSpec, Held};
+pub use spec::{CableSpec, Support};

@@ -1,21 +1,21 @@
-//! The chain of rods.
+//! Builds the chain of rods of a cable.
 
-use super::spec::{CableSpec, Held};
+use super::spec::{CableSpec, Support};
 use crate::{internal::*, system::derive::rounded};
 
-/// Time (s) in which a bent piece comes to rest if no damping is given: leads, hoses and ropes lose a bend in a moment. An undamped chain
-/// of springs would shake ever faster.
+/// Ratio of damping to stiffness (s) if no damping is given: leads, hoses and ropes lose a bend quickly, and an
+/// undamped chain of springs would oscillate with growing amplitude.
 const REST: f64 = 0.01;
 /// Natural frequency (rad/s) of a gripper's axes: 4 Hz.
 const PULSE: f64 = 8.0 * std::f64::consts::PI;
 
 impl CableSpec {
-    /// The chain. Its links are called `rod1`, `rod2`, .., its joints `bend1`, `sway1`, `twist1`, ..; a gripper's joints `x`, `y`, `z`,
-    /// `yaw`, `pitch`, `roll`.
+    /// The chain. Links are named `rod1`, `rod2`, .., joints `bend1`, `sway1`, `twist1`, .., and a gripper's joints
+    /// `x`, `y`, `z`, `yaw`, `pitch`, `roll`.
     pub fn robot(&self, name: &str) -> Robot {
-        let at = Isometry3::translation(self.at()[0], self.at()[1], self.at()[2]);
-        let mut robot = Robot::new(name, if self.held == Held::Free { Base::Floating } else { Base::Fixed(at) });
-        let mut parent = (self.held == Held::Gripper).then(|| self.carriage(&mut robot));
+        let at = Isometry3::translation(self.position()[0], self.position()[1], self.position()[2]);
+        let mut robot = Robot::new(name, if self.support == Support::Free { Base::Floating } else { Base::Fixed(at) });
+        let mut parent = (self.support == Support::Gripper).then(|| self.carriage(&mut robot));
         let step = self.length / self.links as f64;
         let (mass, radius) = (self.mass / self.links as f64, 0.5 * self.diameter);
         let across = mass * (3.0 * radius * radius + step * step) / 12.0;
@@ -26,7 +26,7 @@ impl CableSpec {
         };
         for k in 0..self.links {
             let name = format!("rod{}", k + 1);
-            if k == 0 && self.held == Held::Free {
+            if k == 0 && self.support == Support::Free {
                 robot.links.push(Link::new(name, None, None, rod));
                 parent = Some(0);
             } else {
@@ -55,13 +55,14 @@ impl CableSpec {
                 }
             }
             let end = |x: f64| ContactPoint::new(robot.links.len() - 1, Vector3::x() * x, radius);
-            let ends = if k == 0 && self.held == Held::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
+            let ends = if k == 0 && self.support == Support::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
             robot.contact_points.extend(ends);
         }
         robot
     }
 
-    /// Six axes; the last link is the gripper. It weighs as little as a rod: each axis has a drive with an inertia of its own.
+    /// Adds the six axes of the gripper and returns its link, the last. It has the mass of a rod; the inertia of the
+    /// axes is their armature.
     fn carriage(&self, robot: &mut Robot) -> usize {
         let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
         let (slide, turn) = (JointKind::Prismatic, JointKind::Continuous);
@@ -78,7 +79,7 @@ impl CableSpec {
         5
     }
 
-    /// Inertia and stiffness of an axis of the gripper: large enough that the cable hardly moves it.
+    /// Armature and stiffness of a gripper axis: large enough that the cable hardly moves it.
     fn drive(&self, slides: bool) -> (f64, f64) {
         let stiffness = if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
         (rounded(stiffness / (PULSE * PULSE)), rounded(stiffness))

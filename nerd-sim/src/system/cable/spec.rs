@@ -1,27 +1,27 @@
-//! `[cable]` of a TOML, and defaults where there is nothing else in it.
+//! `[cable]` of a TOML, and the default specification of a cable.
 
 use crate::internal::*;
 use crate::system::derive::{between, listed, plain, rounded};
 use crate::system::spec::{RootSpec, RootStart, StartSpec};
 
-/// Most rods: their mass matrix, where one is asked for, takes a gigabyte.
+/// Maximum number of rods: a dense mass matrix then takes a gigabyte.
 const MOST: f64 = 3000.0;
 
-/// What holds a cable's first end.
+/// Support of a cable's first end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Held {
-    /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll), each with a critically damped spring about its home, as
-    /// an arm under impedance control has: a force of `stiffness x` leads it to x.
+pub enum Support {
+    /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll). Each has a critically damped spring
+    /// about zero, like an arm under impedance control. A force `stiffness x` moves the gripper to x.
     #[default]
     Gripper,
     /// A fixed clamp.
     Fixed,
-    /// Nothing.
+    /// No support.
     Free,
 }
 
-/// `[cable]`.
+/// Data sheet of a cable: `[cable]` in a TOML.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct CableSpec {
@@ -29,38 +29,38 @@ pub struct CableSpec {
     pub length: f64,
     /// Outer diameter (m).
     pub diameter: f64,
-    /// Mass of all of it (kg).
+    /// Total mass (kg).
     pub mass: f64,
     /// Bending stiffness E I (N m^2).
     pub bending: f64,
-    /// Twisting stiffness G J (N m^2); without it, it does not twist.
+    /// Torsional stiffness G J (N m^2); without it the cable does not twist.
     pub twisting: Option<f64>,
-    /// Damping of bending: moment per unit rate of curvature (N m^2 s); the damping of twisting has the same ratio to its stiffness
-    /// [default: 0.01 s times the stiffness].
+    /// Damping of bending: moment per rate of curvature (N m^2 s). Damping of twisting has the same ratio to its
+    /// stiffness [default: 0.01 s times the stiffness].
     pub damping: Option<f64>,
     /// Number of rods.
     #[serde(default = "forty")]
     pub links: usize,
-    /// What holds its first end.
+    /// Support of the first end.
     #[serde(default)]
-    pub held: Held,
-    /// Where the first end is at zero coordinates (m, world) [default: one length above the origin].
-    pub at: Option<[f64; 3]>,
-    /// Direction from there to the other end at zero coordinates.
-    #[serde(default = "ahead")]
-    pub along: [f64; 3],
+    pub support: Support,
+    /// Position of the first end at zero coordinates (m, world) [default: one cable length above the origin].
+    pub position: Option<[f64; 3]>,
+    /// Direction from the first end to the other end at zero coordinates.
+    #[serde(default = "forward")]
+    pub direction: [f64; 3],
 }
 
 fn forty() -> usize {
     40
 }
 
-fn ahead() -> [f64; 3] {
+fn forward() -> [f64; 3] {
     [1.0, 0.0, 0.0]
 }
 
 impl CableSpec {
-    /// Refuses an impossible cable.
+    /// Refuses a cable with a number out of range.
     pub fn check(&self) -> Result<(), String> {
         let within = |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
         within("length", self.length, 1e-3, 1e4, "m")?;
@@ -70,34 +70,32 @@ impl CableSpec {
         within("twisting", self.twisting.unwrap_or(0.0), 0.0, 1e9, "N m^2")?;
         within("damping", self.damping.unwrap_or(0.0), 0.0, 1e9, "N m^2 s")?;
         within("links", self.links as f64, 1.0, MOST, "")?;
-        self.at().iter().try_for_each(|x| within("at", *x, -1e6, 1e6, "m"))?;
-        within("along's size", Vector3::from(self.along).norm(), 1e-6, 1e6, "")
+        self.position().iter().try_for_each(|x| within("position", *x, -1e6, 1e6, "m"))?;
+        within("direction's size", Vector3::from(self.direction).norm(), 1e-6, 1e6, "")
     }
 
-    pub(super) fn at(&self) -> [f64; 3] {
-        self.at.unwrap_or([0.0, 0.0, self.length])
+    pub(super) fn position(&self) -> [f64; 3] {
+        self.position.unwrap_or([0.0, 0.0, self.length])
     }
 
-    /// Turns x into the cable's direction.
+    /// Rotation of the x axis to the cable's direction.
     pub(super) fn turn(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::rotation_between(&Vector3::x(), &Vector3::from(self.along))
-            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI))
+        rotation_from(&Vector3::x_axis(), &self.direction.into())
     }
 }
 
-/// Depth of contacts of a cable at rest, as a share of the diameter.
+/// Penetration of a resting cable's contacts, as a share of the diameter.
 const GIVE: f64 = 0.01;
-/// Speed (m/s) at which a contact creeps under a tangential force of a fifth of its weight.
+/// Creep velocity (m/s) of a contact under a tangential force of a fifth of a rod's weight.
 const CREEP: f64 = 1e-3;
-/// Spread (rad) of the far end's direction at starts. No more: joints are bent independently of each other, as in no real cable, and the
-/// energy of their springs is released at once.
-/// springs hold there is let go at once.
+/// Spread (rad) of the far end's direction at starts. Joints are bent independently, unlike a real cable's, and the
+/// energy in their springs is released at once, so the spread is small.
 const SPREAD: f64 = 0.06;
-/// Seconds in which a gripper goes from one random place to the next.
+/// Time (s) that a gripper takes to move from one random position to the next.
 const PACE: Range = Range { low: 0.3, high: 1.5 };
 
 impl CableSpec {
-    /// Default specification of such a robot.
+    /// Default specification of a cable's robot.
     pub(crate) fn spec(&self, robot: &Robot) -> Spec {
         let mut spec = plain(robot);
         let bend = SPREAD * (3.0 / self.links as f64).sqrt();
@@ -105,12 +103,12 @@ impl CableSpec {
             let reach = match joint.name.as_str() {
                 "x" | "y" | "z" => Some(0.3 * self.length),
                 "yaw" | "pitch" | "roll" => Some(0.5),
-                // Twisting starts at zero: no hand would hold random twists.
+                // Twist starts at zero: no hand would hold random twists.
                 name if name.starts_with("twist") => Some(0.0),
                 _ => None,
             };
             (own.armature, own.stiffness) = (joint.armature, joint.stiffness);
-            // An action of 1 moves it as far as its reach.
+            // An action of 1 moves the gripper to the end of its range of starts.
             let most = reach.map_or(0.0, |reach| rounded(reach * joint.stiffness));
             (own.torque, own.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
@@ -129,17 +127,17 @@ impl CableSpec {
         };
         let touches = !robot.contact_points.is_empty();
         let start = RootStart {
-            position: self.at().map(|x| Range { low: x, high: x }),
+            position: self.position().map(|x| Range { low: x, high: x }),
             clearance: touches.then_some(0.5 * self.diameter),
             ..RootStart::default()
         };
-        spec.root = (self.held == Held::Free).then(|| RootSpec {
-            position: self.at(),
+        spec.root = (self.support == Support::Free).then(|| RootSpec {
+            position: self.position(),
             quaternion: self.turn().coords.into(),
             sample: start,
             reset: None,
         });
-        let smooth = (self.held == Held::Gripper).then_some(PACE);
+        let smooth = (self.support == Support::Gripper).then_some(PACE);
         Spec { substeps: 8, data_scene: touches.then(|| "plane".into()), smooth, contacts: listed(robot), ..spec }
     }
 }

@@ -1,15 +1,16 @@
-//! The shapes of a fixed base, which its robot touches as it touches a scene.
+//! Selects the shapes of a fixed base that its robot can touch like a scene.
 
 use super::limits::pose;
 use crate::internal::*;
 
-/// A contact point that comes nearer to the base than this (m) in any pose is mounted on it.
+/// Distance (m) to the base below which a contact point, in any pose, counts as mounted on the base.
 const MOUNTED: f64 = 1e-3;
-/// Poses of the joints on the base in which their links are tested.
+/// Number of random poses for testing the links on the base, in addition to the first pose.
 const POSES: usize = 16;
 
-/// Selects the shapes of the base that a robot can touch. Contact points of links on the base that touch it in any of some poses are
-/// removed: they are mounted there. A shape that other links are inside of at `state` is left out, with a note.
+/// Selects the shapes of the base that a robot can touch. Contact points of links joined to the base are removed if
+/// they touch it in some pose: they are mounted there. A base shape that encloses other links at `state` is left out,
+/// with a note.
 pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes: &mut Vec<String>) -> Vec<Shape> {
     let Base::Fixed(at) = robot.base else { return Vec::new() };
     if shapes.is_empty() {

@@ -1,5 +1,5 @@
-//! Vertices of a COLLADA file, with the transforms of the nodes that show them, as needed for a hull. `<up_axis>` is ignored, as in other
-//! readers of URDF.
+//! Reads the vertices of a COLLADA file, with the transforms of the nodes, as needed for a convex hull. `<up_axis>` is
+//! ignored, as in other readers of URDF.
 
 use std::collections::HashMap;
 
@@ -9,7 +9,7 @@ use roxmltree::Node;
 use super::xml::document;
 use crate::system::mesh::file::{DEEPEST, MOST, NODES};
 
-/// In metres.
+/// The vertices (m).
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
     let document = document(text)?;
     let unit = document.descendants().find(|n| n.tag_name().name() == "unit");
@@ -38,13 +38,13 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    /// The target of an attribute such as `url="#id"`.
+    /// The target of a reference such as `url="#id"`.
     fn target(&self, node: &Node, key: &str) -> Result<Node<'a, 'a>, String> {
         let id = node.attribute(key).unwrap_or_default().trim_start_matches('#');
         self.ids.get(id).copied().ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
     }
 
-    /// A node or a scene, placed by the nodes above it.
+    /// Reads a node or scene; `place` is the transform of its parent nodes.
     fn node(&mut self, node: &Node<'a, 'a>, mut place: Matrix4<f64>, depth: usize) -> Result<(), String> {
         if depth > DEEPEST {
             return Err(format!("nodes nested more than {DEEPEST} deep"));

@@ -1,5 +1,6 @@
-//! Vertices of a glTF 2.0 file, as text (.gltf, with its buffers beside it or inside) or binary (.glb), with the transforms of the nodes
-//! that show them (crate gltf). Units are metres; y is not rotated up, as in other readers of URDF.
+//! Reads the vertices of a glTF 2.0 file (crate gltf), with the transforms of the nodes. Formats are text (.gltf,
+//! buffers inside or in separate files) and binary (.glb). Units are metres; y is not rotated up, as in other readers
+//! of URDF.
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use gltf::{Gltf, Mesh, Node, buffer::Source};
@@ -8,7 +9,7 @@ use nalgebra::{Matrix4, Point3};
 use crate::internal::*;
 use crate::system::mesh::file::{DEEPEST, LARGEST, MOST, NODES, bytes_of};
 
-/// In metres; `path` is the file's, beside which its buffers are.
+/// The vertices (m); buffers are found relative to `path`, the file.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {
     let Gltf { document, mut blob } = Gltf::from_slice(bytes).map_err(|e| format!("is no glTF that can be read: {e}"))?;
     let buffers = document.buffers().map(|buffer| match buffer.source() {
@@ -50,7 +51,7 @@ impl File {
 
     fn mesh(&mut self, mesh: &Mesh, place: &Matrix4<f64>) -> Result<(), String> {
         for primitive in mesh.primitives() {
-            // A short file may state any number of vertices.
+            // Check the count before reading: a short file may state any number of vertices.
             let count = primitive.get(&gltf::Semantic::Positions).map_or(0, |accessor| accessor.count());
             if count > MOST - self.found.len() {
                 return Err(format!("more than {MOST} vertices"));

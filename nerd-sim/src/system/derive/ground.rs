@@ -1,4 +1,4 @@
-//! The ground that a derived robot starts on.
+//! The ground on which a derived robot starts.
 
 use toml::{Table, Value};
 
@@ -7,26 +7,27 @@ use crate::scene::GROUND;
 use crate::scene::{SceneSpec, Surfaces, flat, up, world};
 use crate::system::mjcf::Description;
 
-/// Least cosine between the up axis and the normal of a plane that is ground.
+/// Least cosine between the up axis and the normal of a plane that counts as ground.
 const STEEPEST: f64 = 0.1;
-/// Depth (m) beyond which a robot is lifted out of the solids of its file's world.
+/// Penetration (m) beyond which a robot is lifted out of the solids of its file's world.
 const DEEP: f64 = 1e-3;
-/// Step of lifting, as a share of its extent, and most steps.
+/// Lifting: step as a share of the robot's extent, and maximum number of steps.
 const STEP: (f64, usize) = (0.05, 200);
 
-/// A plane, and the world's axis that leads up from it.
+/// A plane, and the world axis that leads up from the plane.
 pub(crate) struct Ground {
     pub up: Vector3<f64>,
     pub plane: Plane,
-    /// That axis by number, and its sense.
+    /// Index of that axis, and its sign.
     axis: (usize, f64),
-    /// The other solids of a file's world, and their contact properties.
+    /// The other solids of the file's world, and their contact properties.
     solids: Scene,
     surfaces: Surfaces,
 }
 
 impl Ground {
-    /// The ground of the data's scene under gravity, from a TOML or else the robot's file; level ground where neither has any.
+    /// The ground of the data's scene under gravity, from a TOML, else from the robot's file; level ground if neither
+    /// has one.
     pub fn of(own: &Table, file: &Description, (stands, surfaces): (&[Collider], &Surfaces)) -> Self {
         let key = |key: &str| own.get(key).or_else(|| file.keys.get(key));
         let gravity = key("gravity").and_then(|x| x.clone().try_into::<[f64; 3]>().ok()).unwrap_or([0.0, 0.0, -GRAVITY]).into();
@@ -36,7 +37,7 @@ impl Ground {
         let own = named.filter_map(|scene| scene.clone().try_into::<SceneSpec>().ok()).map(|scene| flat(&gravity, &scene.plane)).next();
         let ground = |plane: &Plane| plane.normal.dot(&up) > STEEPEST;
         let files = || file.planes().find(ground);
-        // Of the built-in worlds, none rises above the plane through the origin at a robot's start.
+        // No built-in world rises above the plane through the origin at a robot's start.
         let worlds = || Some(Plane { offset: 0.0, ..world(name, &gravity, Material::default())?.colliders.first()?.plane? });
         let files_own = own.is_none() && name == GROUND;
         let solids = stands.iter().filter(|body| files_own && body.plane.is_none()).cloned().collect();
@@ -47,7 +48,8 @@ impl Ground {
         Self { up, axis: (axis, up[axis].signum()), plane, solids, surfaces: surfaces.clone() }
     }
 
-    /// Distance up the axis (m) that lifts a robot deep inside a solid clear of it; 0 if it is not deep inside, or cannot be cleared.
+    /// Distance (m) along the axis that lifts a robot out of a solid; 0 without deep penetration, or if no distance
+    /// clears it.
     pub fn lift(&self, robot: &Robot, state: &[f64], [extent, clearance]: [f64; 2]) -> f64 {
         let (mut data, mut state) = (Data::new(robot), state.to_vec());
         let (step, most) = (STEP.0 * extent, STEP.1);
@@ -70,19 +72,20 @@ impl Ground {
         self.plane.normal[self.axis.0] * self.axis.1
     }
 
-    /// Height of the root up the axis (m), for a robot whose lowest point is at this distance from it along the plane's normal.
+    /// Height of the root along the axis (m); `low` is the position of the robot's lowest point relative to the root,
+    /// along the plane's normal.
     pub fn height(&self, low: f64) -> f64 {
         (self.plane.offset - low) / self.slope()
     }
 
-    /// A position at this height up the axis (m).
+    /// The position at `height` (m) along the axis.
     pub fn place(&self, height: f64) -> [f64; 3] {
         let mut place = [0.0; 3];
         place[self.axis.0] = self.axis.1 * height;
         place
     }
 
-    /// Positions from one height up the axis to another (m).
+    /// Range of positions between two heights (m) along the axis.
     pub fn places(&self, low: f64, high: f64) -> [Range; 3] {
         let mut places = [Range::default(); 3];
         let ends = [low, high].map(|height| self.axis.1 * height);

@@ -1,5 +1,5 @@
-//! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives. `cargo xtask inspect --robot
-//! my.urdf` prints them as a TOML for the file.
+//! Derives the settings of a robot without TOML from the numbers in its file: free base, materials, starts, drives.
+//! `cargo xtask inspect --robot my.urdf` prints them as a TOML for the file.
 
 use std::f64::consts::PI;
 
@@ -18,53 +18,54 @@ use super::{
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
 use crate::{internal::*, scene::foot, system::mjcf::Description};
 
-/// Depth of contacts at rest as a share of the robot's extent, with its weight on four contacts; on one, if its base is fixed.
+/// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight; with a fixed
+/// base, one.
 const GIVE: f64 = 1e-3;
-/// Time (s) in which a penetration is resolved, as by MuJoCo's defaults.
+/// Time constant (s) of resolving a penetration, as with MuJoCo's defaults.
 const RELEASE: f64 = 0.04;
-/// Least range of a target (rad), as usual in training legged robots.
+/// Least range of position targets (rad), as usual in training legged robots.
 const STEP: f64 = 0.25;
-/// Speed (m/s) at which a contact creeps under a tangential force of a fifth of the weight.
+/// Creep velocity (m/s) of a contact under a tangential force of a fifth of the weight.
 const CREEP: f64 = 1e-3;
 /// Friction coefficient of rubber and metal on floors.
 const FRICTION: f64 = 0.7;
-/// Acceleration (rad/s^2 or m/s^2) that random torques give a joint, in addition to holding it against gravity.
+/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to holding it against gravity.
 const LIVELY: f64 = 20.0;
-/// Time (s) in which a motor's effort accelerates its own rotor to the joint's largest velocity.
+/// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
 const START: f64 = 0.01;
-/// Joint inertia below this share of mass times extent squared counts as zero.
+/// Joint inertia below this fraction of mass x extent^2 counts as zero.
 const BARE: f64 = 1e-10;
-/// Greatest additional height of starts in evaluations, as a share of the robot's extent.
+/// Largest additional height of starts in evaluation, as a share of the robot's extent.
 const HIGHER: f64 = 0.06;
-/// Points within this share of the extent above the lowest one, in the default pose, may become the lowest near that pose.
+/// Largest height of possible ground contacts above the lowest point in the default pose, as a share of the extent.
 const NEAR: f64 = 0.1;
-/// Torque of a motor without data: enough to carry the robot's weight on one foot at this share of the joint's distance to it, or this
-/// multiple of the weight that moves with the joint, held at arm's length.
+/// Effort of a motor without data. It carries the robot's weight at this share of a foot's distance from the joint, or
+/// this multiple of the moved mass.
 const BEARS: f64 = 0.75;
 const HOLDS: f64 = 3.0;
 /// Least assumed effort, relative to the robot's largest.
 const LEAST: f64 = 0.05;
-/// Effort of a joint, over the robot's weight times its extent, above which it is not credible.
+/// Ratio of a joint's effort to weight times extent above which the effort is not credible.
 const ABSURD: f64 = 20.0;
-/// Error (rad) at which a position law commands a motor's whole effort.
+/// Position error (rad) that gives the motor's full effort under a position law.
 const LEAN: f64 = 1.0;
-/// Damping of that law, as a multiple of its stiffness (s).
+/// Damping of this law, as a multiple of its stiffness (s).
 const CALMS: f64 = 0.025;
-/// Largest velocity (rad/s, m/s) of a motor without data.
+/// Velocity limit (rad/s, m/s) of a motor without data.
 const SPINS: f64 = 20.0;
-/// Most contact points that are all kept; more are replaced by a few on which the robot stands and falls alike.
+/// Largest number of contact points that are all kept. More are replaced by a few with the same support.
 const MOST: usize = 24;
-/// Largest velocity at starts (rad/s or m/s), if the URDF allows more.
+/// Largest velocity of starts (rad/s or m/s); half the URDF's velocity limit where that is less.
 const FAST: f64 = 3.0;
 
-/// Whether a robot walks, rolls or flies, so that its base is free: nothing of it moves on a fixed one, or at zero coordinates two limbs or
-/// more reach lower than everything else. `robot` has a free base.
+/// Whether a robot walks, rolls or flies and so has a free base. True if it has no joints, or if at zero coordinates
+/// two or more limbs reach lower than everything else. `robot` has a free base.
 pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || Limbs::new(robot, &robot.zero_state(), &Vector3::z()).walks()
 }
 
-/// The specification of a robot known only by its `file`, at `path`, and the ground of its start. `defaults` are given joint positions;
-/// `choose` selects contact points if none are given.
+/// The specification of a robot without TOML, from its `file` at `path` and the ground of its start. `defaults` are
+/// given joint positions; `choose` selects contact points where none are given.
 pub(crate) fn derived(
     read: &mut UrdfRobot,
     path: Option<&Path>,
@@ -118,7 +119,7 @@ pub(crate) fn derived(
     let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
     let clearance = round + rounded(GIVE * extent);
-    // With balls of several sizes, the centres of smaller ones are nearer to the ground than `clearance`.
+    // With spheres of several sizes, the centres of smaller ones are nearer to the ground than `clearance`.
     let middles = robot.contact_points.iter().zip(&lows).map(|(p, at)| at - low + p.radius);
     let mut lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
     let height = ground.height(if low.is_finite() { low } else { 0.0 });
@@ -135,7 +136,7 @@ pub(crate) fn derived(
         relative: false,
         scale: scale(file),
         clamp: true,
-        ahead: true,
+        stable_pd: true,
         servo: true,
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
@@ -154,7 +155,7 @@ pub(crate) fn derived(
     let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
     let joints = joints.map(|(((joint, torque), q), effort)| joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort)));
     let mut joints: Vec<JointSpec> = joints.collect();
-    // URDFs do not give the inertia of rotors. Only a joint without any other inertia needs it.
+    // URDF has no rotor inertia. Only a joint without any other inertia needs it.
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
@@ -184,8 +185,8 @@ pub(crate) fn derived(
     }
 }
 
-/// Stiffness (N m/rad; N/m for a slide) that carries a robot's weight (N) at the end of a lever as long as the robot, at an error of one
-/// radian; for a slide at a twentieth of the extent (m).
+/// Stiffness (N m/rad) that carries the weight (N) on a lever of the robot's extent (m) with an error of 1 rad. For a
+/// slide, the stiffness (N/m) with an error of a twentieth of the extent.
 pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
     if slides { 20.0 * weight / extent } else { weight * extent }
 }
@@ -208,8 +209,8 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     robot.contact_points = kept;
 }
 
-/// Range (rad) of the targets of a legged robot for an action of 1: the usual joint's largest torque over its gain in the file, at least
-/// [`STEP`]; 1 if the file has no gains.
+/// Range (rad) of the position targets of a legged robot for an action of 1: the median over joints of torque limit
+/// over kp in the file, between [`STEP`] and 1; 1 if the file has no gains.
 fn scale(file: &Description) -> f64 {
     let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
     let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);
@@ -218,7 +219,8 @@ fn scale(file: &Description) -> f64 {
     turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(STEP, 1.0)))
 }
 
-/// Contact that carries the weight on `points` points at a depth of [`GIVE`], half critically damped, without slip.
+/// Contact that carries the weight on `points` points at a penetration of [`GIVE`], half critically damped, with little
+/// creep.
 fn material(weight: f64, extent: f64, points: f64) -> Material {
     let stiffness = weight / (points * GIVE * extent);
     Material {
@@ -231,8 +233,8 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
     }
 }
 
-/// `clearance` measures gaps from the centres of balls, none without contact points; starts that keep it are higher than the pose by at
-/// least `lift`.
+/// Default pose and starts. `clearance` is measured from the centres of spherical contacts, `None` without contact
+/// points. Starts clear of the ground are higher than the default pose by at least `lift`.
 fn root(ground: &Ground, height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: Option<f64>) -> RootSpec {
     let above = |share: f64| ground.places(height, height + (lift + share * extent) / ground.slope());
     RootSpec {
@@ -241,17 +243,17 @@ fn root(ground: &Ground, height: f64, quaternion: [f64; 4], [extent, lift]: [f64
         sample: RootStart {
             position: above(0.5),
             tilt: between(0.0, PI / 6.0),
-            angular: [between(-2.0, 2.0); 3],
-            linear: [between(-1.0, 1.0); 3],
+            ang_vel: [between(-2.0, 2.0); 3],
+            velocity: [between(-1.0, 1.0); 3],
             clearance,
         },
-        // High enough for joints that are slightly off.
+        // High enough for joints slightly off their default positions.
         reset: Some(RootStart { position: above(HIGHER), clearance, ..RootStart::default() }),
     }
 }
 
-/// `effort` is a motor's in a robot that stands.
-fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], effort: Option<f64>) -> JointSpec {
+/// `effort` is the motor's torque limit in a driven robot with a free base.
+fn joint_spec(joint: &Joint, torque: f64, default_q: f64, [weight, extent]: [f64; 2], effort: Option<f64>) -> JointSpec {
     let slides = joint.kind == JointKind::Prismatic;
     let gain = stiffness(weight, extent, slides);
     let (low, high) = match joint.limit {
@@ -260,21 +262,21 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         None => (-PI, PI),
     };
     let fast = FAST.min(0.5 * joint.velocity);
-    // A standing robot starts near its pose; an arm anywhere.
+    // A standing robot starts near its default pose; an arm anywhere.
     let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
     let about = |turn: f64| {
-        let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
+        let Range { low: a, high: b } = between(default_q - reach(turn), default_q + reach(turn));
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
     let (kp, kd) = match effort {
-        // A law that is stiffer than its motor is strong switches between its bounds.
+        // A law too stiff for its motor would switch between the torque limits.
         Some(effort) if !slides => (effort / LEAN, CALMS * effort / LEAN),
         _ => (0.6 * gain, 0.006 * gain),
     };
     JointSpec {
         name: joint.name.clone(),
-        default,
+        default_q,
         torque,
         gain: Some(effort.unwrap_or(torque)),
         kp: rounded(kp),
@@ -285,11 +287,11 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     }
 }
 
-/// Efforts of motors by joint (N m or N), where the file has none. `lows` are the heights of contact points; points below `ground` may
-/// carry the robot.
+/// Efforts of the motors by joint (N m or N), estimated where the file has none. `lows` are the heights of contact
+/// points; points below `ground` may carry the robot.
 fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
     let n = robot.links.len();
-    let over = |link: usize, joint: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent).any(|k| k == joint);
+    let over = |link: usize, joint: usize| robot.ancestors(link).any(|k| k == joint);
     let first = n - robot.joint_count();
     let effort = |(link, joint): (usize, &Joint)| {
         if joint.effort.is_finite() {
@@ -307,19 +309,20 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
         rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
     };
     let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
-    // A joint whose axis passes through its load carries nothing, but has a motor too.
+    // A joint with an axis through its load carries nothing, but still has a motor.
     let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
     all.into_iter().zip(robot.joints()).map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) }).collect()
 }
 
-/// The inertia of a motor's rotor at its joint (kg m^2 or kg); if the file lacks data, for a motor of this effort, or 0.
+/// Inertia of a motor's rotor felt at its joint (kg m^2 or kg). Without an effort in the file, `effort` is used; 0 if
+/// that is missing, too.
 pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
     let effort = Some(joint.effort).filter(|x| x.is_finite()).or(effort);
     let velocity = if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { SPINS };
     effort.map_or(0.0, |effort| rounded(effort * START / velocity))
 }
 
-/// The joints without inertia in some pose, by joint; `least` is the rounding error of an inertia.
+/// Joints without inertia in some pose, by joint; `least` is the inertia that counts as zero.
 fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     let mut bare = vec![None; robot.joint_count()];
     let Some(mut tree) = TreeFactor::new(robot) else { return bare };
@@ -330,12 +333,15 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
         loop {
             let found = if tree.refill(&heavier, &data, &[], &[]) {
                 tree.spread(&heavier, &data);
-                let eases = (0..bare.len()).map(|i| (i, tree.ease(&heavier, i + usize::from(robot.floating()))));
-                eases.filter(|(_, ease)| ease.is_nan() || ease * least >= 1.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+                let inv_masses = (0..bare.len()).map(|i| (i, tree.inv_mass(&heavier, i + usize::from(robot.floating()))));
+                inv_masses
+                    .filter(|(_, inv_mass)| inv_mass.is_nan() || inv_mass * least >= 1.0)
+                    .max_by(|a, b| a.1.total_cmp(&b.1))
+                    .map(|(i, _)| i)
             } else {
                 tree.lost().checked_sub(dofs)
             };
-            // A joint that has its armature already fails for another reason.
+            // A joint that already has armature fails for another reason.
             let Some(i) = found.filter(|i| bare[*i].is_none()) else { break };
             for joint in heavier.joints_mut().skip(i).take(1) {
                 bare[i] = Some(joint.clone());
@@ -346,8 +352,8 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     bare
 }
 
-/// Amplitudes of random torques: the largest gravity torque over a few poses plus the torque that accelerates the joint by [`LIVELY`],
-/// within the joint's effort.
+/// Amplitudes of random torques, within the joint's effort. Sum of the largest gravity torque over a few poses (fixed
+/// base only) and the torque that accelerates the joint by [`LIVELY`].
 fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
     let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
     let mut most = vec![0.0f64; robot.joint_count()];

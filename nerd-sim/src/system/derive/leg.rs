@@ -1,35 +1,36 @@
-//! One leg of a robot, and the joint positions that place its foot.
+//! A leg of a robot, and inverse kinematics that place its foot.
 
 use nalgebra::{Matrix6, Vector6};
 
 use super::spread::endless;
 use crate::internal::*;
 
-/// Iterations of the search.
+/// Iterations of the inverse kinematics.
 const TURNS: usize = 200;
-/// Shares of the largest distance of a contact point from its joint: points nearer to the joint than the first are shank; others that are
-/// at most the second higher than the farthest point are sole.
+/// Shares of the largest distance of a contact point from its joint. Points nearer to the joint than `SHANK` belong to
+/// the shank. Other points count as sole if at most `SOLE` higher than the farthest point.
 const SHANK: f64 = 1.0 / 3.0;
 const SOLE: f64 = 0.05;
-/// Weight of a foot's level against its position, in units of the reach; it determines the joints that the position leaves free.
+/// Weight of a foot's orientation against its position in units of the leg's reach. It determines the joints that the
+/// position leaves undetermined.
 const LEVEL: f64 = 0.01;
-/// Initial bend of a leg that may be straight (rad or m), towards the middle of its joints' ranges.
+/// Initial bend of a leg that may be straight (rad or m), toward the middle of its joints' ranges.
 const SEED: f64 = 0.01;
 
 /// A leg: its links from the hip to the foot.
 pub(super) struct Leg {
     pub links: Vec<usize>,
-    /// The middle of the sole, or of a wheel, on the last link (m).
+    /// Centre of the sole or of a wheel, on the last link (m, link frame).
     sole: Vector3<f64>,
-    /// The direction on the last link that points up; `None` for a wheel.
+    /// Direction on the last link that points up; `None` for a wheel.
     level: Option<Vector3<f64>>,
     /// Largest distance of the foot below the hip (m).
     pub reach: f64,
 }
 
 impl Leg {
-    /// The leg with links among `all`, the first of them the hip; `None` without contact points. `data` has the kinematics with all joints
-    /// at zero, where a foot is taken to be level.
+    /// The leg with links among `all`, starting with the hip; `None` without contact points. `data` has the kinematics
+    /// with all joints at zero, where feet count as level.
     pub fn new(robot: &Robot, data: &Data, up: &Vector3<f64>, all: std::ops::Range<usize>) -> Option<Self> {
         let above = |link: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent.filter(|_| *k != all.start));
         let length = |link: usize| {
@@ -42,14 +43,14 @@ impl Leg {
         let (last, end) = places.iter().max_by(|a, b| far(a).total_cmp(&far(b))).copied()?;
         let mut links: Vec<usize> = above(last).collect();
         links.reverse();
-        // For a foot with corners, the middle of the lower ones.
+        // The centre of the sole's lower corners.
         let height = |at: &Vector3<f64>| up.dot(&point_position(data, last, at));
         let low = |at: &Vector3<f64>| at.norm() >= SHANK * end.norm() && height(at) <= height(&end) + SOLE * end.norm();
         let soles = places.into_iter().filter(|(link, at)| *link == last && low(at)).map(|(_, at)| at);
         let [least, most] = soles.fold([end; 2], |[a, b], at| [a.inf(&at), b.sup(&at)]);
         let (middle, up) = (0.5 * (least + most), data.rotation[last].transpose() * up);
         let wheel = robot.links[last].joint.as_ref().filter(|joint| endless(joint)).map(|joint| joint.axis().into_inner());
-        // A wheel may stand at any angle.
+        // A wheel may have any orientation.
         let (sole, level) = wheel.map_or((middle, Some(up)), |axis| (axis * axis.dot(&middle), None));
         Some(Self { links, sole, level, reach: 0.0 })
     }
@@ -58,18 +59,19 @@ impl Leg {
         self.links[self.links.len() - 1]
     }
 
-    /// From its hip to its sole (m, world axes); `data` has the kinematics.
+    /// Vector from hip to sole (m, world axes); `data` has the kinematics.
     pub fn way(&self, data: &Data) -> Vector3<f64> {
         point_position(data, self.last(), &self.sole) - (data.origin + data.position[self.links[0]])
     }
 
-    /// Bends its joints until its sole is at `asked` from its hip (m), and level; returns the remaining distance (m).
+    /// Moves the joints until the sole is level and at `asked` from the hip (m, world axes). Returns the remaining
+    /// distance (m).
     pub fn put(&self, robot: &Robot, state: &mut [f64], asked: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
         let mut data = Data::new(robot);
         let at = |link: usize| robot.root_coords() + link - 1;
         let limit = |link: usize| robot.links[link].joint.as_ref().and_then(|joint| joint.limit);
         let within = |link: usize, q: f64| limit(link).map_or(q, |limit| q.clamp(limit.lower, limit.upper));
-        // A straight leg is singular.
+        // A straight leg is singular, so bend it slightly.
         let inside = |link: &usize| limit(*link).is_none_or(|limit| limit.lower < state[at(*link)] && state[at(*link)] < limit.upper);
         if self.links.iter().all(inside) {
             for (link, limit) in self.links.iter().filter_map(|link| Some((*link, limit(*link)?))) {
@@ -100,7 +102,7 @@ impl Leg {
                 *q = within(*link, *q + slope.dot(&push).clamp(-0.1, 0.1));
             }
         }
-        // To a milliradian: this is an estimate.
+        // Round to 1e-3 rad: the result is an estimate.
         for link in &self.links {
             let q = &mut state[at(*link)];
             *q = within(*link, (*q * 1e3).round() / 1e3 + 0.0);

@@ -1,24 +1,24 @@
-//! The limbs of a robot at a pose: the lowest point of each link's subtree.
+//! Limbs of a robot at a pose: the lowest point of each link's subtree.
 
 use crate::{internal::*, scene::foot};
 
-/// Least extra depth of a leg below its parent, as a share of the robot's height; and the least length of a leg, not a toe, as a share of
-/// the longest limb.
+/// Least reach of legs below everything else, as a share of the robot's height. Also the least length of a leg, as
+/// opposed to a toe, as a share of the longest limb.
 const LEG: f64 = 0.2;
-/// Share of the longest limb within which limbs end on the same ground.
+/// Largest height of a leg's end above the lowest point, as a share of the longest limb.
 const LEVEL: f64 = 0.3;
 
 /// Heights are along the up axis (m), by link.
 pub(super) struct Limbs {
-    /// The joint's position.
+    /// Height of the joint.
     origin: Vec<f64>,
-    /// The lowest point of the link: of its shapes and its joint; a root without shapes has its origin.
+    /// Lowest point of the link: of its shapes and its joint; for a root without shapes its origin.
     own: Vec<f64>,
-    /// The lowest point of the link's subtree.
+    /// Lowest point of the link's subtree.
     lowest: Vec<f64>,
-    /// The end of a link's subtree, whose links are consecutive.
+    /// End (exclusive) of the link's subtree; its links are consecutive.
     end: Vec<usize>,
-    /// Its child links.
+    /// Child links.
     below: Vec<Vec<usize>>,
 }
 
@@ -47,13 +47,13 @@ impl Limbs {
         Self { origin, own, lowest, end, below }
     }
 
-    /// A link's subtree.
+    /// Indices of the link and its subtree.
     pub(super) fn all(&self, link: usize) -> std::ops::Range<usize> {
         link..self.end[link]
     }
 
-    /// Whether two limbs or more reach lower than everything else. They are on the root or, where they reach lower by the length of a leg
-    /// and not of a finger, on a pelvis below it.
+    /// Whether two or more limbs reach lower than everything else. They branch off from the root. They may also branch
+    /// off from a pelvis, if they are lower by the length of a leg.
     pub(super) fn walks(&self) -> bool {
         let n = self.own.len();
         let height = self.origin.iter().copied().fold(f64::MIN, f64::max) - self.lowest[0];
@@ -67,8 +67,8 @@ impl Limbs {
         legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
     }
 
-    /// The first links of its legs: limbs that reach the ground, where two or more of them branch off, on the root or below a waist; front
-    /// and hind legs may branch off at two places. For a one-legged robot, the link on the root.
+    /// First links of the legs: limbs that reach the ground and branch off in twos or more, from the root or below a
+    /// waist. Front and hind legs may branch off from two links. For a one-legged robot, the link on the root.
     pub(super) fn hips(&self) -> Vec<usize> {
         let length = |link: usize| self.origin[link] - self.lowest[link];
         let longest = (1..self.own.len()).map(length).fold(0.0, f64::max);

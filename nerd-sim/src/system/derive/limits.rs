@@ -1,20 +1,21 @@
-//! The default stiffness of a joint's limit: critically damped, and as stiff as the reference simulator's substep `dt` steps well.
+//! Default stiffness and damping of joint limits, as stiff as the reference simulator's substep `dt` allows.
 //!
-//! I is the least inertia of a joint for a torque at it, all others free, over a few poses: stiffness `I (0.2 / dt)^2`. A joint that its
-//! own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: limits too stiff for an explicit
-//! substep are stepped implicitly (`articulated/stiff.rs`). Damping `2 sqrt(I stiffness)`.
+//! I is the least inertia felt at the joint with all other joints free, over a few poses. Stiffness is
+//! `I (0.2 / dt)^2`. It is higher, up to `I (2 / dt)^2`, where the joint's effort would push it beyond an end by more
+//! than 4 % of its range. Limits too stiff for an explicit substep are stepped implicitly (`articulated/stiff.rs`).
+//! Damping is critical: `2 sqrt(I stiffness)`.
 
 use nerd_core::dynamics::Inverse;
 
 use crate::prelude::*;
 
-/// Stiffness over `I / dt^2`, the root of it.
+/// Usual and largest `sqrt(stiffness dt^2 / I)`.
 const USUAL: f64 = 0.2;
 const STIFFEST: f64 = 2.0;
 /// Largest excess of a joint beyond an end under its effort, as a share of its range.
 const GIVE: f64 = 0.04;
 
-/// Gives stiffness and damping to the limits of the joints for which `missing`, by joint.
+/// Sets stiffness and damping of the limits marked in `missing`, by joint.
 pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
     if !robot.joints().zip(missing).any(|(joint, missing)| *missing && joint.limit.is_some()) {
         return;
@@ -24,7 +25,7 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
         let effort = joint.effort;
         if let Some(limit) = &mut joint.limit {
             let of = |a: f64| inertia * (a / dt).powi(2);
-            // No effort limit: no requirement.
+            // Without an effort there is no requirement.
             let effort = if effort.is_finite() { effort } else { 0.0 };
             let range = limit.upper - limit.lower;
             // A joint without a range is locked.
@@ -35,10 +36,11 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
     }
 }
 
-/// By joint, the least torque for a unit of acceleration at rest with all other joints free; 0 where nothing resists.
+/// For each joint, the least torque per unit of acceleration over poses, at rest with all other joints free; 0 without
+/// inertia.
 fn least_inertias(robot: &Robot) -> Vec<f64> {
     let (joints, dofs) = (robot.joint_count(), robot.root_dofs());
-    // Work grows with the square of the joints: absurd robots are looked at once.
+    // The work grows with the square of the number of joints: robots with very many joints get one pose.
     let poses = (1_000_000 / (joints * joints)).clamp(1, 16);
     let (mut data, mut inverse) = (Data::new(robot), Inverse::new(robot));
     let (mut x, mut least) = (vec![0.0; robot.nv()], vec![f64::INFINITY; joints]);
@@ -58,7 +60,8 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
     least.iter().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect()
 }
 
-/// Coordinates of the `k`-th pose: zero or the nearest to it, then places within the ranges that fill them evenly.
+/// Coordinates of the `k`-th pose: for 0 the coordinates nearest to zero, then a low-discrepancy sequence within the
+/// ranges.
 pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
     let mut q = robot.neutral();
     let ends = |joint: &Joint| match joint.limit {
@@ -68,7 +71,7 @@ pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
     };
     for (i, (q, joint)) in q[robot.root_coords()..].iter_mut().zip(robot.joints()).enumerate() {
         let (lower, upper) = ends(joint);
-        // Fractional parts of multiples of roots.
+        // Kronecker sequence: fractional parts of multiples of square roots.
         let share = (k as f64 * ((6 * i + 7) as f64).sqrt()).fract();
         *q = if k == 0 { 0.0f64.clamp(lower, upper) } else { lower + share * (upper - lower) };
     }

@@ -1,8 +1,9 @@
-//! Vertices of the meshes that a robot's file names.
+//! Reads the vertices of the meshes that a robot's file names.
 //!
-//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is searched in the
-//! folders above the URDF, as `NAME/PATH`, as `PATH` in a folder called NAME, and as `PATH`; then in the folders of the environment's
-//! `ROS_PACKAGE_PATH`. Every other path is relative to the URDF. Unreadable files are skipped, with a note.
+//! Formats are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) and PLY (crate serde-ply).
+//! `package://NAME/PATH` is searched in the folders above the URDF, as `NAME/PATH`, as `PATH` in a folder called NAME,
+//! and as `PATH`. Then come the folders of the environment variable `ROS_PACKAGE_PATH`. Every other path is relative to
+//! the URDF.
 
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
@@ -10,15 +11,16 @@ use serde_ply::PlyReader;
 use super::{collada, gltf};
 use crate::internal::*;
 use crate::system::mesh::file::{MOST, bytes_of};
+use crate::system::mesh::stl;
 
-/// The vertices of a mesh that a URDF names, in its own frame (m); lengths are multiplied along its axes.
+/// Vertices of the mesh `file` named by a URDF, in the mesh's own frame (m), scaled along its axes by `scale`.
 pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     if !scale.iter().all(|x| (1e-9..1e9).contains(&x.abs())) {
         return Err("has no usable scale".into());
     }
     let path = find(file, urdf).ok_or("is not there")?;
     let bytes = bytes_of(&path)?;
-    // A panic of a reader becomes an error, too.
+    // A reader's panic also becomes an error.
     let read = std::panic::catch_unwind(|| load(bytes, &path)).map_err(|_| "cannot be read".to_string())?;
     let read = read.map_err(|e| e.split_whitespace().collect::<Vec<_>>().join(" "))?;
     let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(scale)).collect();
@@ -30,18 +32,10 @@ pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<
     }
 }
 
-fn load(mut bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
+fn load(bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
     match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
-        "stl" => {
-            // Binary STL may begin with the keyword of a text STL; its length decides.
-            let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
-            if bytes.len() as u64 == 84 + 50 * u64::from(count) {
-                bytes[..80].fill(0);
-            }
-            let scene = mesh_loader::stl::from_slice(&bytes).map_err(|e| e.to_string())?;
-            Ok(scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from))).collect())
-        }
-        // A hull ignores faces, whose kinds may be mixed.
+        "stl" => Ok(stl(bytes)?.0),
+        // Faces are ignored: a convex hull needs only vertices, and faces may be of mixed kinds.
         "obj" => {
             let text = String::from_utf8_lossy(&bytes);
             let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("v "));
@@ -58,7 +52,7 @@ fn load(mut bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
     }
 }
 
-/// The vertices of a PLY file, which may hold them after other things.
+/// The vertices of a PLY file; other elements before them are skipped.
 fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
     #[derive(Deserialize)]
     struct Vertex {
@@ -82,7 +76,7 @@ fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
     Ok(Vec::new())
 }
 
-/// The file that a URDF refers to.
+/// Path of the mesh `file` that a URDF refers to.
 fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
     let there = |path: PathBuf| path.is_file().then_some(path);
     let Some(package) = file.strip_prefix("package://") else {

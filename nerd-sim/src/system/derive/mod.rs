@@ -1,4 +1,4 @@
-//! Settings derived from a URDF's numbers.
+//! Derives the settings of a robot from the numbers in its file.
 
 mod base;
 #[cfg(feature = "meshes")]
@@ -28,7 +28,7 @@ pub(crate) use meshes::vertices;
 pub(crate) use plain::{between, listed, plain, rounded};
 pub(crate) use touch::touch;
 
-/// Without the feature no mesh is read.
+/// Without the feature `meshes` no mesh is read.
 #[cfg(not(feature = "meshes"))]
 pub(crate) fn vertices(
     _: &str,

@@ -1,4 +1,4 @@
-//! The specification of a robot with nothing but links and joints.
+//! The specification of a robot known only by links and joints.
 
 use crate::internal::*;
 use crate::system::spec::{ContactSpec, JointSpec, StartSpec, mesh_points};
@@ -7,12 +7,12 @@ pub(crate) fn between(low: f64, high: f64) -> Range {
     Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }
 }
 
-/// Rounds an estimate to three digits.
+/// Rounds an estimate to three significant digits.
 pub(crate) fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// The specification of a robot that need only move: no torque, starts about zero.
+/// The specification of a passive robot: no torque, starts near zero.
 pub(crate) fn plain(robot: &Robot) -> Spec {
     let law = |x: f64| Range { low: -x, high: x };
     let starts = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
@@ -29,7 +29,7 @@ pub(crate) fn plain(robot: &Robot) -> Spec {
     }
 }
 
-/// Its contact points, as a TOML lists them.
+/// The robot's contact points, as a TOML lists them.
 pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
     let spec = |p: &ContactPoint| {
         let frame = &robot.links[p.link].frame;
@@ -37,7 +37,7 @@ pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
         let at = || Some(place(&p.local));
         let own = match &p.locus {
             Locus::Fixed => ContactSpec { point: at(), ..ContactSpec::default() },
-            // The first of a disc's three points represents all of them.
+            // The first of a disc's three points represents all three.
             Locus::Rim { turn, .. } if *turn != 0.0 => return None,
             Locus::Rim { axis, radius, .. } => {
                 let axis = frame.inverse_transform_vector(axis).into();

@@ -1,4 +1,4 @@
-//! Represents many points by a few.
+//! Represents many contact points by a few.
 
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
@@ -7,15 +7,14 @@ use nalgebra::{Rotation3, UnitVector3};
 use nerd_core::contact::across;
 
 use crate::internal::*;
-use crate::system::mesh::hull::{AROUND, allowance, around, few};
+use crate::system::mesh::hull::{AROUND, allowance, around, bounds, few};
 
-/// Indices of at most `most` points: those farthest towards the corners of the box around all, the lower ones first, then always the one
-/// farthest from all chosen ones. So a sole with an ankle on it keeps the corners that it stands on. Below four points there are no such
-/// corners.
+/// Indices of at most `most` points. First come the extreme points toward the corners of the bounding box, lower ones
+/// first. Then follows, repeatedly, the point farthest from all chosen points. So a sole with an ankle on it keeps the
+/// corners of the sole. Below four points there are no corners.
 pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
-    let Some(first) = points.first() else { return Vec::new() };
-    let (least, largest) = points.iter().fold((*first, *first), |(a, b), p| (a.inf(p), b.sup(p)));
-    // In units of the box, so that a flat one has eight corners, too.
+    let Some([least, largest]) = bounds(points) else { return Vec::new() };
+    // In units of the box, so that a flat box also has eight corners.
     let unit = (largest - least).map(|x| if x > 0.0 { 1.0 / x } else { 0.0 });
     let mut taken: Vec<usize> = Vec::new();
     let mut away = vec![f64::INFINITY; points.len()];
@@ -41,27 +40,28 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     taken
 }
 
-/// Radius of a corner, an edge or a vertex (m).
+/// Radius of a corner, edge or vertex (m).
 pub(crate) const SHARP: f64 = 1e-5;
-/// Points of a trunk, of a leaf link, and of any other link in a network's input: an end stands on the lower corners of its box and may
-/// fall on its other end.
+/// Numbers of contact points in a network's input: on a trunk, on a leaf link, on any other link. A leaf link stands on
+/// the lower corners of its box and may fall on its other end.
 const TRUNK: usize = 8;
 const END: usize = 5;
 const OTHER: usize = 2;
-/// Most points of cylinders that stay round although they are no wheels; with more, cylinders become corners.
+/// Maximum number of points on rims other than wheels that stay round; with more, cylinders become corners.
 const ROLLS: usize = 12;
-/// A joint with a range above this (rad) is no hinge of a limb.
+/// A hinge with a range above this (rad) counts as endless, not as a hinge of a limb.
 const ENDLESS: f64 = 2.0 * TAU;
-/// Directions in which a link's loss is measured.
+/// Number of directions for measuring a link's loss of support.
 const LOOKS: usize = 3000;
 
-/// Whether a joint rotates without end, as a wheel's does.
+/// Whether a joint rotates without end, like a wheel.
 pub(crate) fn endless(joint: &Joint) -> bool {
     joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > ENDLESS)
 }
 
-/// At most `most` contact points that reach as far as balls of `radius` (m) about all of `places` on a link: the places themselves if they
-/// are few, else the deepest of each cluster. `seen` are the places in axes whose third is up.
+/// At most `most` contact points with the same support as spheres of `radius` (m) about all `places` on a link. Few
+/// places become a point each, many the deepest point of each cluster. `seen` are the places in axes with the third
+/// axis up.
 pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f64>], radius: f64, most: usize) -> Vec<ContactPoint> {
     if places.len() <= most {
         return places.iter().map(|place| ContactPoint::new(link, *place, radius)).collect();
@@ -81,15 +81,16 @@ pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f6
     shares.into_iter().map(share).collect()
 }
 
-/// Support of contact points along a unit vector in their link's frame (m).
+/// Support function of contact points along a unit vector in their link's frame (m).
 pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &Vector3<f64>) -> f64 {
     let far = |p: &ContactPoint| n.dot(&p.deepest(&Matrix3::identity(), &-n)) + p.radius;
     points.into_iter().map(far).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Replaces many contact points by a few, since each costs inputs of a network; also returns, by link, the additional depth (m) to which it
-/// may sink. No point that may be a link's lowest is lost: corners and vertices become a few points, each the deepest of its cluster. Round
-/// shapes stay round, unless the rest of their surface hides them. Points on the lower corners at `state` are kept apart.
+/// Replaces many contact points by a few, since each is an input of the network. Also returns for each link the
+/// additional penetration (m) that this allows. Corners and vertices become a few points, each the deepest of its
+/// cluster, so that no possible lowest point is lost. Round shapes stay round, unless the rest of the surface covers
+/// them. Points on the lower corners at `state` get separate clusters.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
@@ -123,7 +124,7 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
         let places: Vec<_> = own.iter().flat_map(|p| p.places()).collect();
         let off = allowance(&places);
         let corners = (!sharp.is_empty()).then(|| ContactPoint::hull(link, sharp.clone(), SHARP));
-        // The smaller ones are removed first.
+        // The smallest shapes are removed first.
         round.sort_by(|a, b| (a[0].radius + a[0].reach()).total_cmp(&(b[0].radius + b[0].reach())));
         shown(&mut round, &corners, off);
         let (balls, rims): (Vec<_>, Vec<_>) = round.into_iter().flatten().partition(|p| p.locus == Locus::Fixed);
@@ -156,7 +157,7 @@ fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off
     let directions: Vec<Vector3<f64>> = around(AROUND).collect();
     let further =
         |far: &mut Vec<f64>, disc: &[ContactPoint]| far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)));
-    // Support of the shapes behind each one, then of the remaining ones before it.
+    // Support of the shapes after each shape, then of the kept shapes before it.
     let mut behind = vec![vec![f64::NEG_INFINITY; directions.len()]];
     for disc in round.iter().skip(1).rev() {
         let mut far = behind[behind.len() - 1].clone();
@@ -175,7 +176,7 @@ fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off
     });
 }
 
-/// Vertices about a disc's rim that are off it by at most half of the allowance.
+/// Vertices around a disc's rim, deviating from the rim by at most half the allowance.
 fn polygon(centre: &Vector3<f64>, axis: &UnitVector3<f64>, radius: f64) -> impl Iterator<Item = Vector3<f64>> {
     let up = across(axis) * radius;
     let off = 0.5 * allowance(&[up, -up]);
@@ -189,7 +190,7 @@ mod tests {
 
     #[test]
     fn points_of_a_sole_are_its_corners() {
-        // A box of 0.2 x 0.1 x 0.02 m with points all over it.
+        // Points all over a box of 0.2 x 0.1 x 0.02 m.
         let steps = |n: i32| (0..=n).map(move |k| f64::from(k) / f64::from(n) - 0.5);
         let all: Vec<Vector3<f64>> =
             steps(8).flat_map(|x| steps(8).flat_map(move |y| steps(2).map(move |z| Vector3::new(0.2 * x, 0.1 * y, 0.02 * z)))).collect();
@@ -199,7 +200,7 @@ mod tests {
             let off = (p.abs() - Vector3::new(0.1, 0.05, 0.01)).amax();
             assert!(off < 1e-9, "{p} is {off:.1e} m from a corner");
         }
-        // The lower four first; of a point there is one.
+        // The lower four come first; coincident points give a single one.
         assert!(spread(&all, 4).iter().all(|k| all[*k].z < 0.0));
         assert_eq!(spread(&[Vector3::x(); 5], 8).len(), 1);
     }

@@ -1,21 +1,22 @@
-//! Named poses from the SRDF beside a URDF.
+//! Reads named poses from the SRDF beside a URDF.
 
 use crate::internal::*;
 
-/// Names of standing poses, the best first.
+/// Names of standing poses, in order of preference.
 const STANDING: [&str; 2] = ["standing", "half_sitting"];
 
-/// The source if there is no other.
+/// Description of the pose if there is no SRDF.
 pub(super) const ZERO: &str = "zero, within the limits";
 
-/// A state at rest, and its source: an SRDF's standing pose, else zero, or the nearest to it within the limits.
+/// A state with zero velocities and the description of its source: an SRDF's standing pose, else zero or the nearest to
+/// zero within the limits.
 pub(super) fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = joint.limit.map_or(0.0, |l| 0.0f64.clamp(l.lower, l.upper));
     }
-    // Of all candidate poses, the one that gives most of this robot's joints.
+    // The candidate pose with values for most of this robot's joints.
     let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), ZERO.into());
     for file in urdf.map(beside).unwrap_or_default() {
         let Ok(text) = crate::files::read_text(&file) else { continue };
@@ -42,7 +43,7 @@ pub(super) fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) 
     (state, best.2)
 }
 
-/// The .srdf files of the folder that packages keep them in.
+/// The .srdf files in the folder `srdf` of the robot's package.
 fn beside(urdf: &Path) -> Vec<PathBuf> {
     let folder = urdf.parent().and_then(Path::parent).map(|package| package.join("srdf"));
     let mut files: Vec<PathBuf> =

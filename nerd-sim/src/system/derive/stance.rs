@@ -1,19 +1,19 @@
-//! A standing pose of a legged robot whose joints cannot all be at zero: each foot below its hip, at a share of the leg's reach. The links
-//! above the legs, perhaps a waist, and arms keep their positions.
+//! A standing pose for a legged robot with joints that cannot be at zero: each foot below its hip, at a share of the
+//! leg's reach. Links above the legs, such as a waist, and arms keep their positions.
 
 use super::{leg::Leg, limbs::Limbs, limits::pose};
 use crate::internal::*;
 
-/// Height of a hip over its foot, as a share of the leg's largest reach over some poses.
+/// Height of a hip above its foot, as a share of the leg's largest reach over some poses.
 const REACH: f64 = 0.8;
-/// Largest distance of a foot from there, as a share of that reach; and largest unevenness of standing feet.
+/// As shares of that reach: largest distance of a foot from its target, and largest height difference of standing feet.
 const OFF: f64 = 0.05;
 const UNEVEN: f64 = 0.01;
-/// Poses sampled for the reach.
+/// Number of poses sampled for the reach.
 const POSES: usize = 256;
 
-/// Bends the legs of a robot on a free base at `state` if one of their joints cannot be at zero, unless their feet are below their hips
-/// already; returns whether it did. Nothing is bent if a leg cannot place its foot, for instance with one hinge.
+/// Bends the legs of a robot on a free base if a joint cannot be at zero and the feet are not yet below the hips.
+/// Returns whether `state` changed. Nothing changes if a leg cannot place its foot, for instance with one hinge.
 pub(super) fn bend(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let mut tried = state.to_vec();
     let bent = robot.floating() && !robot.mimics() && bent(robot, &mut tried, up);
@@ -46,7 +46,7 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     }
     legs.retain(|leg| leg.reach > 0.0);
     kinematics(robot, state, &mut data);
-    // A leg bends across the axis of its knee; along that axis the foot keeps its position.
+    // A leg bends in the plane normal to its knee axis; along the axis the foot keeps its position.
     let across = |link: &usize| {
         let axis = data.rotation[*link] * joint(link)?.axis().into_inner();
         (axis - up * up.dot(&axis)).try_normalize(0.5)
@@ -67,7 +67,7 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     if legs.iter().zip(&ways).all(|(leg, [way, beside])| below(way, beside) < OFF * leg.reach && uneven < UNEVEN * leg.reach) {
         return false;
     }
-    // All feet on one ground, the highest that any leg requires.
+    // All feet stand on one level, the highest that any leg requires.
     let ground = legs.iter().zip(&hips).map(|(leg, hip)| hip - REACH * leg.reach).fold(f64::MIN, f64::max);
     let mut each = legs.iter().zip(hips).zip(ways);
     each.all(|((leg, hip), [_, beside])| leg.put(robot, state, &(beside + up * (ground - hip)), up) < OFF * leg.reach)

@@ -1,5 +1,5 @@
-//! Collision meshes and hulls of a robot's links as convex hulls with few contact points, each the deepest of some vertices; wheels have
-//! rims.
+//! Contact points of collision meshes: each mesh becomes its convex hull with few contact points, each the deepest of a
+//! group of vertices; wheels get rims.
 
 use nerd_core::robot::Hull;
 
@@ -8,8 +8,8 @@ use super::{vertices, wheel::wheel};
 use crate::internal::*;
 use crate::system::mesh::hull::{corners, hull};
 
-/// Adds contact points to a robot read from the file `path`: at most `points` for the collision meshes and hulls of each link with the same
-/// surface, and none for meshes without a known file. A wheel gets rims.
+/// Adds contact points to a robot read from the file `path`. Collision meshes and hulls of a link that share a surface
+/// get at most `points`; meshes are skipped if `path` is unknown. A wheel gets rims.
 pub(crate) fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     let UrdfRobot { robot, notes, meshes, hulls, .. } = read;
     if points == 0 {
@@ -17,7 +17,7 @@ pub(crate) fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
         return;
     }
     hulls.iter_mut().for_each(|own| own.vertices = hull(&own.vertices).0.into());
-    // Follows a link into the folder of packages: the packages are at its target.
+    // Resolve symbolic links: packages are in the folders of the link's target.
     let path = path.map(|path| std::fs::canonicalize(path).unwrap_or_else(|_| path.into()));
     meshes.retain(|mesh| match path.as_deref().map(|path| vertices(&mesh.file, &mesh.scale, path)) {
         Some(Ok(vertices)) => {
@@ -51,7 +51,8 @@ mod tests {
     use crate::system::model::Source;
     use crate::system::world::World;
 
-    /// A cube of 0.2 m about its body's own frame, below its joint, of two surfaces: hulls of its lower and its upper half.
+    /// A cube of 0.2 m centred on its body's frame, 0.4 m below its joint, as two hulls of different surfaces: lower
+    /// and upper half.
     fn cube() -> UrdfRobot {
         let text = "<robot name=\"cube\"><link name=\"base\"/><link name=\"cube\"><inertial><mass value=\"1\"/><inertia ixx=\".01\" \
                     iyy=\".01\" izz=\".01\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/></inertial></link><joint name=\"slide\" type=\"prismatic\"><parent \
@@ -75,7 +76,7 @@ mod tests {
             points.iter().filter(|p| p.surface == Some(surface)).flat_map(|p| p.places()).map(|at| at.z).collect()
         };
         let extent = |heights: &[f64]| [heights.iter().copied().fold(f64::MAX, f64::min), heights.iter().copied().fold(f64::MIN, f64::max)];
-        // A vertex inside a hull is not one of its corners.
+        // A vertex inside a hull is not a vertex of the hull.
         assert!(read.hulls.iter().all(|hull| hull.vertices.len() == 8));
         let (few, _) = enough(&read.robot, &read.robot.zero_state());
         for points in [&read.robot.contact_points, &few] {
@@ -93,7 +94,7 @@ mod tests {
         assert!(skipped.hulls.is_empty() && skipped.robot.contact_points.is_empty());
     }
 
-    /// Points of a link in a TOML count from its body's own frame, 0.4 m below the joint; a point of the file's keeps its surface.
+    /// Points listed in a TOML are in the body's frame, 0.4 m below the joint; a point of the file keeps its surface.
     #[test]
     fn listed_points_count_from_the_frame_of_the_body() {
         let mut read = cube();

@@ -1,4 +1,4 @@
-//! A mesh that rotates without end about its own axis rolls: it gets rims in place of vertices.
+//! Rims as contact points of wheels: meshes that rotate without end and are round about the joint's axis.
 
 use std::f64::consts::TAU;
 
@@ -8,20 +8,21 @@ use super::spread::{SHARP, partition, reach};
 use crate::internal::*;
 use crate::system::mesh::hull::{allowance, cover, farthest, few};
 
-/// Largest relative difference of a round profile's reach between sides.
+/// Largest relative difference of a wheel's radius between directions.
 const ROUND: f64 = 0.02;
-/// Most rims of a wheel; fewer if they reach within twice the allowance. Also its most other points.
+/// Maximum number of rims of a wheel, less where fewer reach as far within twice the allowance; and of its other
+/// points.
 const RIMS: usize = 4;
 const BEYOND: usize = 2;
-/// Largest lean (rad) of a rolling wheel.
+/// Largest angle (rad) between a rolling wheel's support direction and its plane.
 const CAMBER: f64 = 0.9;
-/// Sides that are compared.
+/// Number of directions in the wheel's plane for comparing its radius.
 const SIDES: u32 = 32;
-/// Directions in which a profile's rims are compared.
+/// Number of directions for comparing rims with the profile.
 const SLOPES: u32 = 256;
 
-/// The contact points of link `link`, which `joint` rotates: rims, if some of its points are round about the joint's axis, and the points
-/// that reach beyond them in directions in which it does not roll.
+/// Contact points of link `link`, which `joint` rotates: rims, plus points that reach beyond them in directions in
+/// which the wheel does not roll. `None` if the points are not round about the joint's axis.
 pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Option<Vec<ContactPoint>> {
     let axis = joint.axis();
     let up = across(axis);
@@ -34,7 +35,8 @@ pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Opti
     if !(high > 0.0 && high - low <= ROUND * high) {
         return None;
     }
-    // In the plane of the axis and a radius, midway between the corners' radius and the edges'; the largest radius comes first.
+    // Profile in the plane of axis and radius, with the mean of the radii at vertices and at edges. The largest radius
+    // comes first.
     let mean = 0.5 * (low + high) / high;
     let profile: Vec<_> = points.iter().map(|p| Vector3::new(axis.dot(p), mean * axis.cross(p).norm(), 0.0)).collect();
     let outward = around(SLOPES).filter(|(sin, cos)| *cos > CAMBER.cos() && *sin != 0.0).map(|(sin, cos)| Vector3::new(sin, cos, 0.0));

@@ -1,13 +1,13 @@
-//! XML of files beside a robot's own.
+//! Parses XML files that accompany a robot's file.
 
 use roxmltree::Document;
 
 use crate::files::nested;
 
-/// Elements may be nested this deep: roxmltree recurses.
+/// Maximum nesting of elements: roxmltree recurses.
 const DEEPEST: usize = 256;
 
-/// A text's elements.
+/// Parses `text` as XML.
 pub(super) fn document(text: &str) -> Result<Document<'_>, String> {
     if nested(text) > DEEPEST {
         return Err(format!("elements nested more than {DEEPEST} deep"));

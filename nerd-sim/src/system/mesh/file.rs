@@ -1,12 +1,12 @@
-//! Mesh files: limits on their size, and their bytes.
+//! Size limits of mesh files, and reading their bytes.
 
 use std::path::Path;
 
-/// Largest file that is read (bytes).
+/// Largest file size (bytes).
 pub(crate) const LARGEST: u64 = 1 << 28;
-/// Nodes of a file may be nested this deep.
+/// Maximum nesting of nodes.
 pub(crate) const DEEPEST: usize = 64;
-/// Most elements of its nodes, and most vertices, counted as often as shown: a short file may state 2^64 of them.
+/// Maximum number of node elements and of vertices, counted once per instance: a short file may state 2^64 of them.
 pub(crate) const NODES: usize = 1_000_000;
 pub(crate) const MOST: usize = 10_000_000;
 

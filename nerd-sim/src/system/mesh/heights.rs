@@ -1,18 +1,18 @@
-//! Files of height fields: PNG, and MuJoCo's own.
+//! Reads height fields from PNG and from MuJoCo's binary format.
 
 use std::io::Cursor;
 
 use super::file::{MOST, bytes_of};
 use crate::internal::*;
 
-/// Rows from the last one to the first as a picture shows them, columns, and heights `[row][column]` of a file, in its own unit.
+/// `[rows, columns]` and heights `[row][column]` of a file in its own unit; a picture's last row comes first.
 pub(crate) fn heights(path: &Path) -> Result<([usize; 2], Vec<f32>), String> {
     let bytes = bytes_of(path)?;
     let picture = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"));
     if picture { pixels(bytes) } else { own(&bytes) }
 }
 
-/// Grey, or the red channel, in 8 bits: 16-bit values lose their lower byte, as in MuJoCo.
+/// Grey value or red channel in 8 bits: 16-bit values lose their lower byte, as in MuJoCo.
 fn pixels(bytes: Vec<u8>) -> Result<([usize; 2], Vec<f32>), String> {
     let mut decoder = png::Decoder::new(Cursor::new(bytes));
     decoder.set_transformations(png::Transformations::normalize_to_color8());
@@ -29,7 +29,8 @@ fn pixels(bytes: Vec<u8>) -> Result<([usize; 2], Vec<f32>), String> {
     Ok(([nrow, ncol], (0..nrow).rev().flat_map(row).collect()))
 }
 
-/// Rows and columns as 32-bit integers, then heights as 32-bit floats, the last row of a picture first.
+/// MuJoCo's format: rows and columns as 32-bit integers, then heights as 32-bit floats; a picture's last row comes
+/// first.
 fn own(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), String> {
     let words: Vec<[u8; 4]> = bytes.chunks(4).map_while(|word| word.try_into().ok()).collect();
     let size = |k: usize| words.get(k).map_or(0, |word| i32::from_le_bytes(*word).max(0) as usize);

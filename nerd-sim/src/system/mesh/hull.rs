@@ -5,17 +5,18 @@ use std::f64::consts::PI;
 use nalgebra::Vector3;
 use parry3d_f64::{math::Vector as ParryVector, transformation::try_convex_hull};
 
-/// Evenly spread directions in which support is compared, besides the vertices' own: about four degrees apart.
+/// Number of evenly spread directions for comparing support, about four degrees apart, besides the vertices' own.
 pub(crate) const AROUND: usize = 2000;
-/// Most vertices of a hull whose own directions are compared, too.
+/// Maximum number of vertices of a hull with their own direction compared, too.
 const CLOSELY: usize = 4000;
-/// Largest loss of support (m) of the kept vertices, and as a share of the size (m/m); the smaller one counts.
+/// Allowance: largest loss of support by dropping vertices, as a length (m) and as a share of the size; the smaller one
+/// counts.
 const OFF: [f64; 2] = [5e-4, 5e-3];
 
-/// Share of that allowance by which a mesh's hull may differ from its file.
+/// Allowed difference of a mesh's reduced hull from its file, as a share of the allowance.
 const FINE: f64 = 0.2;
 
-/// Unit vectors evenly spread over the sphere: a spiral from pole to pole, a golden angle from one to the next.
+/// `count` unit vectors evenly spread over the sphere: a spiral from pole to pole in steps of the golden angle.
 pub(crate) fn around(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     (0..count).map(move |k| {
         let z = 1.0 - (2.0 * k as f64 + 1.0) / count as f64;
@@ -25,28 +26,33 @@ pub(crate) fn around(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     })
 }
 
-/// Largest loss of support (m) of a subset of these points.
+/// Least and largest coordinates of points; `None` without points.
+pub(crate) fn bounds(points: &[Vector3<f64>]) -> Option<[Vector3<f64>; 2]> {
+    Some(points.iter().fold([*points.first()?; 2], |[low, high], p| [low.inf(p), high.sup(p)]))
+}
+
+/// Allowed loss of support (m) of a subset of these points.
 pub(crate) fn allowance(points: &[Vector3<f64>]) -> f64 {
-    let Some(first) = points.first() else { return 0.0 };
-    let [low, high] = points.iter().fold([*first; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
+    let Some([low, high]) = bounds(points) else { return 0.0 };
     OFF[0].min(OFF[1] * (high - low).amax())
 }
 
-/// A subset of points: together with a support of `others(n)` along a unit vector n (m), they reach as far as all points within `off` (m).
+/// A subset of `points` with the support of all points within `off` (m). `others(n)` is the support (m) of other
+/// geometry along a unit vector n, which counts, too.
 pub(crate) fn few(points: &[Vector3<f64>], others: impl Fn(&Vector3<f64>) -> f64, off: f64) -> Vec<Vector3<f64>> {
     let (places, outward) = hull(points);
-    // The loss of a vertex is largest in the direction where it alone is the farthest.
+    // A vertex's loss is largest in the direction in which it alone is the farthest.
     let own = outward.into_iter().enumerate().map(|(k, n)| (n, k)).step_by(places.len().div_ceil(CLOSELY).max(1));
     let asked = farthest(&places, around(AROUND)).chain(own);
     cover(&places, asked, others, off).into_iter().map(|k| places[k]).collect()
 }
 
-/// A subset of a mesh's vertices, whose hull differs from the file's by at most [`FINE`] of the allowance.
+/// A subset of a mesh's vertices. The support of its hull differs from the mesh's by at most [`FINE`] of the allowance.
 pub(crate) fn corners(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     few(points, |_| f64::NEG_INFINITY, FINE * allowance(points))
 }
 
-/// Directions, and the farthest point in each.
+/// Pairs each direction with the index of the farthest point along it.
 pub(crate) fn farthest(
     points: &[Vector3<f64>],
     directions: impl Iterator<Item = Vector3<f64>>,
@@ -57,7 +63,8 @@ pub(crate) fn farthest(
     })
 }
 
-/// The same as indices, for given directions and their farthest points: always adds the point with the largest loss.
+/// As [`few`], as indices, for given directions and their farthest points: greedily adds the point with the largest
+/// loss.
 pub(crate) fn cover(
     points: &[Vector3<f64>],
     asked: impl Iterator<Item = (Vector3<f64>, usize)>,
@@ -75,14 +82,15 @@ pub(crate) fn cover(
 
 pub(crate) type Surface = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
-/// The vertices of the convex hull and its triangles, counter-clockwise from outside; `None` for points in a plane.
+/// Vertices and triangles of the convex hull, counter-clockwise seen from outside; `None` for coplanar points.
 pub(crate) fn faces(points: &[Vector3<f64>]) -> Option<Surface> {
     let own: Vec<_> = points.iter().map(|v| ParryVector::new(v.x, v.y, v.z)).collect();
     let (corners, faces) = std::panic::catch_unwind(|| try_convex_hull(&own).ok()).ok().flatten()?;
     Some((corners.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect(), faces))
 }
 
-/// The vertices of the convex hull, and for each the mean direction of its faces; for points in a plane all of them, without directions.
+/// Vertices of the convex hull, each with the mean normal of its faces; for coplanar points all of them, without
+/// normals.
 pub(crate) fn hull(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
     let Some((corners, faces)) = faces(points) else { return (points.to_vec(), Vec::new()) };
     let mut outward = vec![Vector3::zeros(); corners.len()];

@@ -1,4 +1,4 @@
-//! Meshes: files within bounds, triangles, convex hulls.
+//! Meshes: files within size limits, triangles, height fields, convex hulls.
 
 #[cfg(feature = "meshes")]
 pub(crate) mod file;
@@ -12,4 +12,4 @@ mod triangles;
 pub(crate) use heights::heights;
 pub(crate) use hull::{around, faces};
 #[cfg(feature = "meshes")]
-pub(crate) use triangles::triangles;
+pub(crate) use triangles::{stl, triangles};

@@ -1,4 +1,4 @@
-//! Triangles of mesh files, for masses: STL, OBJ and MuJoCo's MSH.
+//! Reads triangles of mesh files for mass properties: STL, OBJ and MuJoCo's MSH.
 
 use super::file::{MOST, bytes_of};
 use crate::internal::*;
@@ -6,7 +6,7 @@ use crate::internal::*;
 /// Vertices and triangles.
 type Triangles = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
-/// Vertices and triangles of a file, unchanged.
+/// Vertices and triangles of a file, neither scaled nor merged.
 pub(crate) fn triangles(path: &Path) -> Result<Triangles, String> {
     let bytes = bytes_of(path)?;
     let read = std::panic::catch_unwind(|| match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
@@ -20,8 +20,9 @@ pub(crate) fn triangles(path: &Path) -> Result<Triangles, String> {
     if sound { Ok((vertices, faces)) } else { Err("has a vertex that is not finite, or a face without one".into()) }
 }
 
-fn stl(mut bytes: Vec<u8>) -> Result<Triangles, String> {
-    // Binary STL may begin with the keyword of a text STL; its length decides.
+/// Vertices and triangles of an STL.
+pub(crate) fn stl(mut bytes: Vec<u8>) -> Result<Triangles, String> {
+    // Binary STL may begin with the keyword of text STL; the file length decides.
     let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
     if bytes.len() as u64 == 84 + 50 * u64::from(count) {
         bytes[..80].fill(0);
@@ -36,7 +37,8 @@ fn stl(mut bytes: Vec<u8>) -> Result<Triangles, String> {
     Ok((vertices, faces))
 }
 
-/// Positions in 32 bits, as in MuJoCo. A quadrilateral is cut along its shorter diagonal, a larger polygon becomes a fan.
+/// Positions are rounded to 32 bits, as in MuJoCo. A quadrilateral is cut along its shorter diagonal, a larger polygon
+/// becomes a fan.
 fn obj(text: &str) -> Result<Triangles, String> {
     let (mut vertices, mut faces) = (Vec::<Vector3<f64>>::new(), Vec::new());
     for (n, line) in text.lines().enumerate() {
@@ -72,7 +74,7 @@ fn obj(text: &str) -> Result<Triangles, String> {
     Ok((vertices, faces))
 }
 
-/// Numbers of vertices, normals, texture coordinates and faces, then all of them.
+/// MSH: numbers of vertices, normals, texture coordinates and faces, then the data in this order.
 fn msh(bytes: &[u8]) -> Result<Triangles, String> {
     let word = |k: usize| bytes.get(4 * k..4 * k + 4).and_then(|b| b.try_into().ok());
     let count = |k: usize| word(k).map(i32::from_le_bytes).and_then(|n| usize::try_from(n).ok()).filter(|n| *n <= MOST);

@@ -1,4 +1,4 @@
-//! Actuators of an MJCF: all kinds are shortcuts of a general one, and share one default.
+//! Actuators of an MJCF: every kind is a shortcut of the general one, and all share one default.
 
 use super::compiler::Compiler;
 use super::element::Element;
@@ -6,30 +6,30 @@ use super::joint::largest;
 use super::law::{Law, motor, servos};
 use crate::internal::*;
 
-/// Elements that are read; the laws of others are not supported.
+/// Supported elements; laws of others are refused.
 pub(super) const READ: [&str; 4] = ["motor", "position", "velocity", "general"];
 
-/// What it may act on.
+/// Attributes that name an actuator's target.
 const TARGETS: [&str; 9] = ["joint", "jointinparent", "tendon", "site", "slidersite", "cranksite", "body", "refsite", "cranklength"];
 
 #[derive(Clone, Debug)]
 pub(super) struct Actuator {
-    /// The joint it acts on, or else the fixed tendon.
+    /// The target: a joint, else a fixed tendon.
     pub joint: Option<String>,
     pub tendon: Option<String>,
     law: Law,
-    /// The initial laws of `<position>` and `<velocity>`, of this class and of the one above.
+    /// Initial laws of `<position>` and `<velocity>`, in this class and in its parent class.
     servos: [Law; 2],
     above: [Law; 2],
     dynamics: String,
-    /// Its group, which an option may turn off.
+    /// Group; an option may disable groups.
     pub group: f64,
     pub gear: f64,
     control: [f64; 2],
     control_limited: Option<bool>,
     force: [f64; 2],
     force_limited: Option<bool>,
-    /// Inertia and damping of the actuator itself, before its gear.
+    /// Inertia and damping of the actuator itself, before the gear.
     pub armature: f64,
     pub damping: f64,
     delay: f64,
@@ -58,12 +58,12 @@ impl Default for Actuator {
 }
 
 impl Actuator {
-    /// Begins a class below this one.
+    /// Starts a nested class.
     pub fn below(&mut self) {
         self.above = self.servos.clone();
     }
 
-    /// Applies the attributes of an actuator's element, by its tag.
+    /// Applies the attributes of an actuator element; its tag selects the kind.
     pub fn apply(&mut self, e: &Element) -> Result<(), UrdfError> {
         self.joint = e.word("joint").or_else(|| e.word("jointinparent")).map(String::from);
         self.tendon = e.word("tendon").map(String::from);
@@ -88,7 +88,7 @@ impl Actuator {
         }
         self.damping = damping[0];
         e.set("delay", &mut self.delay)?;
-        // Each shortcut begins with its own kind's law in the class, and drops the laws of other kinds.
+        // Each shortcut starts from its kind's law in the class, and drops the laws of other kinds.
         let servos = std::mem::replace(&mut self.servos, self.above.clone());
         match e.tag.as_str() {
             "position" => {
@@ -124,7 +124,7 @@ impl Actuator {
         Ok(())
     }
 
-    /// Refuses unsupported laws.
+    /// Refuses an unsupported law.
     pub fn check(&self, e: &Element) -> Result<(), UrdfError> {
         if !READ.contains(&e.tag.as_str()) {
             return Err(e.refused(format!("only {} are read; leave it out, or write one of them", READ.join(", "))));
@@ -133,7 +133,7 @@ impl Actuator {
         if targets.len() > 1 {
             return Err(e.refused(format!("{} are its targets; write one", targets.join(" and "))));
         }
-        // A gain that is fixed has one input.
+        // A fixed gain has a single input.
         if let Some(input) = e.word("input").filter(|input| !["pos", "vel", "pressure", "quat", "expmap"].contains(input)) {
             return Err(e.refused(format!("input=\"{input}\": its law has one, pos, vel or pressure")));
         }
@@ -173,32 +173,32 @@ impl Actuator {
         Ok(())
     }
 
-    /// `[constant, kp, kd]` of its law, before its gear.
+    /// `[constant, kp, kd]` of the law, before the gear.
     pub fn gains(&self) -> [f64; 3] {
         let [a, b, c] = if self.law.bias_kind == "affine" { self.law.bias } else { [0.0; 3] };
         [a, -b, -c]
     }
 
-    /// The damping ratio that replaces the velocity gain.
+    /// Damping ratio, where one is given in place of a velocity gain.
     pub fn damping_ratio(&self) -> Option<f64> {
         let [_, kp, kd] = self.gains();
         (kd < 0.0 && kp == self.law.gain).then_some(-kd)
     }
 
-    /// Whether it has no target.
+    /// Whether the law has no feedback: control is force.
     fn plain(&self) -> bool {
         let [_, kp, kd] = self.gains();
         kp == 0.0 && kd == 0.0
     }
 
-    /// Largest torque (N m) or force (N) at its joint; infinite where nothing bounds it.
+    /// Torque limit (N m) or force limit (N) after the gear; infinite without bounds.
     pub fn effort(&self, compiler: &Compiler) -> f64 {
         let asked = if self.plain() { self.law.gain.abs() * largest(self.control, self.control_limited, compiler) } else { f64::INFINITY };
         let most = self.gear.abs() * asked.min(largest(self.force, self.force_limited, compiler));
         if most.is_nan() { 0.0 } else { most }
     }
 
-    /// Whether its limits differ between the two directions.
+    /// Whether the limits of the two directions differ.
     pub fn lopsided(&self, compiler: &Compiler) -> bool {
         let uneven = |range: [f64; 2], said| super::joint::limited(range, said, compiler).is_some_and(|[low, high]| low != -high);
         uneven(self.force, self.force_limited) || self.plain() && uneven(self.control, self.control_limited)

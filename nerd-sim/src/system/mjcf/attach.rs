@@ -1,4 +1,4 @@
-//! Models of other files, attached to bodies with a prefix before all their names.
+//! Attaches models of other files to bodies, with a prefix for all their names.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::source::Source;
 use crate::files::read_text;
 use crate::internal::*;
 
-/// Models may be attached inside of each other this deep.
+/// Maximum nesting of attached models.
 const DEEPEST: usize = 8;
 
 impl Reader {
@@ -50,11 +50,12 @@ impl Reader {
         Ok(())
     }
 
-    /// Everything in an attached model except its bodies and options; elements that refer to missing bodies are left out.
+    /// Merges all sections of an attached model except bodies and options; elements that refer to missing bodies are
+    /// left out.
     fn attached(&mut self, root: &Element, scope: &Scope) -> Result<(), UrdfError> {
         let keys = self.model.keys.len();
         self.sections(root, scope)?;
-        // Its poses refer to its own coordinates.
+        // Its keyframes have its own coordinates only.
         self.model.keys.truncate(keys);
         let (bodies, model) = (&self.model.bodies, &mut self.model.actuators);
         let there = |name: &String| bodies.iter().flat_map(|body| &body.joints).any(|joint| joint.name.as_ref() == Some(name));

@@ -1,4 +1,4 @@
-//! The bodies of an MJCF with their joints, geoms and sites; frames, copies and attached models are expanded.
+//! Reads the bodies of an MJCF with joints, geoms and sites; frames, replicas and attached models are expanded.
 
 use super::compiler::{Compiler, SHORT};
 use super::element::Element;
@@ -9,11 +9,11 @@ use super::read::Reader;
 use super::scope::Scope;
 use crate::internal::*;
 
-/// Copies that one file may make in all.
+/// Maximum number of replicas in a file.
 const COPIES: usize = 100_000;
 
 impl Reader {
-    /// Adds an element's children to the body of a scope.
+    /// Adds the children of an element to the scope's body.
     pub fn fill(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
         for child in &e.children {
             self.child(child, scope)?;
@@ -110,7 +110,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Copies, each moved by an offset and a rotation relative to the last.
+    /// Expands `<replicate>`: copies, each displaced by an offset and a rotation relative to the previous copy.
     fn replicate(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
         let count = e.whole("count")?.filter(|n| *n > 0).ok_or_else(|| e.refused("count is a number of copies above zero"))?;
         self.copies += count as usize;
@@ -122,7 +122,7 @@ impl Reader {
         let offset: Vector3<f64> = e.array("offset")?.unwrap_or_default().into();
         let mut place = Vector3::zeros();
         for k in 0..count {
-            // A copy's angles are multiplied, not its rotation.
+            // MuJoCo multiplies the Euler angles by k; it does not compose the rotation k times.
             let turned = scope.source.compiler.euler(angles.map(|angle| angle * k as f64));
             let pose = Isometry3::from_parts(place.into(), turned);
             let suffix = format!("{}{k:0digits$}", e.text("sep").unwrap_or_default());

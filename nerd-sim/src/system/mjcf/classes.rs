@@ -1,4 +1,4 @@
-//! Default classes: values of attributes that elements do not set themselves.
+//! Default classes: values of attributes that elements leave out.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::scene::Softness;
 
 const MAIN: &str = "main";
 
-/// The defaults of one class.
+/// Defaults of a class.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Class {
     pub joint: Joint,
@@ -24,15 +24,15 @@ pub(super) struct Class {
     pub pair: Pair,
     pub mesh: MeshDefault,
     pub active: Option<bool>,
-    /// Default references of elements to objects, by tag and attribute, and all of textures.
+    /// Default references to other objects by (tag, attribute), and all attributes of textures.
     pub names: HashMap<(String, String), String>,
 }
 
-/// Contact properties that a pair of geoms sets.
+/// Contact parameters that a `<pair>` sets.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Pair {
     pub condim: Option<i64>,
-    /// Along two tangents, torsional, rolling about both.
+    /// Two tangential, one torsional, two rolling coefficients.
     pub friction: Option<Vec<f64>>,
     pub margin: Option<f64>,
     pub softness: Option<Softness>,
@@ -50,7 +50,7 @@ impl Pair {
     }
 }
 
-/// Defaults of meshes in a class.
+/// Defaults of meshes.
 #[derive(Clone, Debug)]
 pub(super) struct MeshDefault {
     pub scale: [f64; 3],
@@ -85,7 +85,7 @@ impl Classes {
         Ok(own)
     }
 
-    /// Adds a class from its element, beginning as the class above it, and its nested classes.
+    /// Adds a class from its element, starting from its parent class, and its nested classes.
     fn add(&mut self, e: &Element, name: &str, above: &str, compiler: &Compiler) -> Result<(), UrdfError> {
         let mut class = self.0.get(above).cloned().unwrap_or_default();
         class.actuator.below();
@@ -118,7 +118,7 @@ impl Classes {
         self.0.contains_key(name)
     }
 
-    /// The class of an element: its own, else the class of the bodies around it.
+    /// Class of an element: its own, else the class of the enclosing bodies.
     pub fn of(&self, e: &Element, around: Option<&str>) -> Result<&Class, UrdfError> {
         let name = e.text("class").or(around).unwrap_or(MAIN);
         self.0.get(name).ok_or_else(|| e.refused(format!("there is no default class `{}`", name.escape_debug())))

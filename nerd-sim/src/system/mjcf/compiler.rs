@@ -1,4 +1,4 @@
-//! Settings of MuJoCo's compiler, and poses computed by them.
+//! Settings of MuJoCo's compiler, and poses computed with them.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, Rotation3, Unit};
 use super::element::Element;
 use crate::internal::*;
 
-/// A shorter vector has no direction.
+/// Length below which a vector has no direction.
 pub(super) const SHORT: f64 = 0.999e-6;
 
 #[derive(Clone, Debug)]
@@ -15,21 +15,21 @@ pub(super) struct Compiler {
     degrees: bool,
     euler: String,
     pub autolimits: bool,
-    /// Whether inertia comes from geoms; `None`: only for bodies without `<inertial>`.
+    /// Whether inertia comes from geoms; `None`: only of bodies without `<inertial>`.
     pub from_geoms: Option<bool>,
-    /// Groups of the geoms that count towards inertia.
+    /// Range of geom groups that contribute inertia.
     pub groups: [f64; 2],
     pub balance: bool,
     pub bound_mass: f64,
     pub bound_inertia: f64,
-    /// Total mass (kg); 0 or less: unchanged.
+    /// Total mass (kg) to scale to; unchanged if not positive.
     pub total_mass: f64,
-    /// Folder of meshes, beside the main file.
+    /// Folder of meshes, relative to the main file.
     pub meshes: String,
     pub strip: bool,
-    /// Whether the frame of a free body is moved to its inertia's.
+    /// Whether the frame of a free body moves to its principal inertia frame.
     pub align: bool,
-    /// Whether a primitive is fitted to the box around a mesh, not to the box of equal inertia.
+    /// Whether a primitive fitted to a mesh matches its bounding box instead of its box of equal inertia.
     pub around: bool,
 }
 
@@ -54,7 +54,7 @@ impl Default for Compiler {
 }
 
 impl Compiler {
-    /// From all `<compiler>` elements of a file; later ones override.
+    /// Reads all `<compiler>` elements of a file; later ones override.
     pub fn read(root: &Element) -> Result<Self, UrdfError> {
         let mut own = Self::default();
         for e in root.all("compiler") {
@@ -85,12 +85,12 @@ impl Compiler {
         Ok(own)
     }
 
-    /// An angle (rad).
+    /// Converts an angle of the file to rad.
     pub fn angle(&self, x: f64) -> f64 {
         if self.degrees { x * PI / 180.0 } else { x }
     }
 
-    /// Moves a pose to the position and orientation that an element gives.
+    /// Sets position and orientation of `pose`, as far as an element gives them.
     pub fn pose(&self, e: &Element, pose: &mut Isometry3<f64>) -> Result<(), UrdfError> {
         if let Some(at) = e.array::<3>("pos")? {
             pose.translation = Vector3::from(at).into();
@@ -99,9 +99,9 @@ impl Compiler {
         Ok(())
     }
 
-    /// The orientation that an element gives, if it does.
+    /// The orientation of an element, if it has one.
     pub fn turn(&self, e: &Element) -> Result<Option<UnitQuaternion<f64>>, UrdfError> {
-        // The schema lets an element have at most one of these.
+        // The schema allows at most one of these attributes.
         let Some(key) = ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().find(|key| e.word(key).is_some()) else {
             return Ok(None);
         };
@@ -123,13 +123,13 @@ impl Compiler {
                 let rotation = Matrix3::from_columns(&[*x, *y, x.cross(&y)]);
                 UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
             }
-            "zaxis" => upright(unit(Vector3::from(e.array::<3>("zaxis")?.unwrap_or_default()))?.as_ref()),
+            "zaxis" => rotation_from(&Vector3::z_axis(), unit(e.array::<3>("zaxis")?.unwrap_or_default().into())?.as_ref()),
             _ => self.euler(e.array("euler")?.unwrap_or_default()),
         };
         Ok(Some(turn))
     }
 
-    /// The rotation by three angles in the file's units and sequence.
+    /// Rotation by three Euler angles, in the file's unit and sequence.
     pub fn euler(&self, angles: [f64; 3]) -> UnitQuaternion<f64> {
         self.euler.chars().zip(angles).fold(UnitQuaternion::identity(), |turn, (axis, angle)| {
             let about = match axis.to_ascii_lowercase() {
@@ -138,21 +138,16 @@ impl Compiler {
                 _ => Vector3::z_axis(),
             };
             let next = UnitQuaternion::from_axis_angle(&about, self.angle(angle));
-            // Small letters rotate about axes that move along.
+            // Lower-case letters are rotating axes, upper-case letters fixed axes.
             if axis.is_lowercase() { turn * next } else { next * turn }
         })
     }
 }
 
-/// The shortest rotation that takes z to a direction.
-pub(super) fn upright(z: &Vector3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::rotation_between(&Vector3::z(), z)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), if z.z < 0.0 { PI } else { 0.0 }))
-}
-
-/// The middle, orientation and half length of a segment between two ends; z of a geom points from `to` to `from`.
+/// Pose (midpoint and orientation) and half length of a segment; the geom's z axis points from `to` to `from`.
 pub(super) fn between(fromto: &[f64; 6]) -> (Isometry3<f64>, f64) {
     let [a, b, c, x, y, z] = *fromto;
     let (from, to) = (Vector3::new(a, b, c), Vector3::new(x, y, z));
-    (Isometry3::from_parts((0.5 * (from + to)).into(), upright(&(from - to))), 0.5 * (from - to).norm())
+    let turn = rotation_from(&Vector3::z_axis(), &(from - to));
+    (Isometry3::from_parts((0.5 * (from + to)).into(), turn), 0.5 * (from - to).norm())
 }

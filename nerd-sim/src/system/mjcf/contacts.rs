@@ -1,4 +1,4 @@
-//! Which geoms touch which, and their contact properties, by MuJoCo's rules.
+//! Contact filtering and mixing of contact parameters, by MuJoCo's rules.
 
 use std::collections::HashMap;
 
@@ -9,14 +9,14 @@ use super::tree::Tree;
 use crate::internal::*;
 use crate::scene::{PairLaw, Softness, SurfaceGeom, Surfaces};
 
-/// The bodies and pairs that filter contacts.
+/// Bodies and pairs that filter contacts.
 pub(super) struct Contacts<'a> {
     model: &'a Model,
-    /// By body, the body it is welded to, and the weld of that one's parent.
+    /// For each body, the body it is welded to, and the weld of that body's parent.
     weld: Vec<usize>,
     above: Vec<usize>,
     excluded: Vec<[usize; 2]>,
-    /// Explicit pairs of geoms, each geom as (body, index there), with the pair's index.
+    /// Explicit pairs of geoms, each geom as (body, index within it), with the pair's index.
     pairs: Vec<([[usize; 2]; 2], usize)>,
     off: bool,
 }
@@ -62,7 +62,7 @@ impl Contacts<'_> {
         !self.model.bodies[self.weld[id]].joints.is_empty()
     }
 
-    /// The contact law of two geoms, each as (body, index there); `None` if they never touch.
+    /// Contact law of two geoms, each as (body, index within it); `None` if they never collide.
     pub fn law(&self, one: [usize; 2], other: [usize; 2]) -> Option<PairLaw> {
         if self.off || !(self.moves(one[0]) || self.moves(other[0])) || self.weld[one[0]] == self.weld[other[0]] {
             return None;
@@ -75,13 +75,13 @@ impl Contacts<'_> {
         Some(self.overridden(law))
     }
 
-    /// The contact law of a geom with a collider of no file, as a geom with MuJoCo's defaults.
+    /// Contact law of a geom with a collider from outside the file, which counts as a geom with MuJoCo's defaults.
     pub fn with_default(&self, one: [usize; 2]) -> Option<PairLaw> {
         let law = mixed(self.geom(one), &Geom::default()).filter(|_| !self.off);
         law.map(|law| self.overridden(law))
     }
 
-    /// Whether two geoms of a body have the same contact laws with all others.
+    /// Whether two geoms of a body have the same contact laws with all other geoms.
     pub fn alike(&self, id: usize, [k, other]: [usize; 2]) -> bool {
         let properties = |k: usize| {
             let Geom { contype, conaffinity, condim, priority, friction, solmix, softness, margin, .. } = *self.geom([id, k]);
@@ -92,7 +92,7 @@ impl Contacts<'_> {
         properties(k) == properties(other) && ![k, other].into_iter().any(|k| paired(k) || plane(k))
     }
 
-    /// Whether two bodies never touch, whatever their geoms' settings.
+    /// Whether two bodies never collide, whatever their geoms' parameters: a parent and its child, or an excluded pair.
     fn kept_apart(&self, one: usize, other: usize) -> bool {
         let [a, b] = [self.weld[one], self.weld[other]];
         let parent = self.above[one] == b || self.above[other] == a;
@@ -106,16 +106,16 @@ impl Contacts<'_> {
         law_of([0.5 * (slide + across), torsion, roll], law.condim, all.margin, all.softness)
     }
 
-    /// Whether a geom may touch any other one, or a collider of no file.
+    /// Whether a geom may collide with another geom, or with a collider from outside the file.
     pub fn touches(&self, id: usize, k: usize) -> bool {
         let geom = self.geom([id, k]);
-        // The ground of a file is part of its scene, whatever passes through it.
+        // A plane is the ground of the file's scene, even if the file filters its contacts.
         geom.kind == Type::Plane
             || !self.off && (geom.contype != 0 || geom.conaffinity != 0 || self.pairs.iter().any(|(geoms, _)| geoms.contains(&[id, k])))
     }
 }
 
-/// From a pair's own numbers alone; the two tangential frictions are averaged.
+/// Contact law from an explicit pair; the two tangential friction coefficients are averaged.
 fn paired(pair: &super::classes::Pair) -> PairLaw {
     let mut friction = [1.0, 1.0, 0.005, 0.0001, 0.0001];
     let given = pair.friction.as_deref().unwrap_or_default();
@@ -124,8 +124,8 @@ fn paired(pair: &super::classes::Pair) -> PairLaw {
     law_of([0.5 * (slide + across), torsion, roll], pair.condim.unwrap_or(3), pair.margin.unwrap_or(0.0), pair.softness.unwrap_or_default())
 }
 
-/// From both geoms: the values of the geom with higher priority, else the larger friction and dimension; `None` if their bits exclude
-/// contact.
+/// Contact law mixed from both geoms: parameters of the geom with higher priority; for equal priority the larger
+/// friction and dimension. `None` if their contact bits exclude each other.
 fn mixed(a: &Geom, b: &Geom) -> Option<PairLaw> {
     if a.contype & b.conaffinity == 0 && a.conaffinity & b.contype == 0 {
         return None;
@@ -160,7 +160,7 @@ fn softness(a: &Geom, b: &Geom) -> Softness {
     Softness { solref, solimp: std::array::from_fn(|k| mix(a.softness.solimp[k], b.softness.solimp[k])) }
 }
 
-/// Friction components that the contact's dimension has; at least MuJoCo's minimum of 1e-5.
+/// Contact law with the friction components that `condim` includes; the others are zero.
 fn law_of([slide, torsion, roll]: [f64; 3], condim: i64, margin: f64, softness: Softness) -> PairLaw {
     let on = |least: i64, x: f64| if condim >= least { x.max(0.0) } else { 0.0 };
     PairLaw {
@@ -175,7 +175,7 @@ fn law_of([slide, torsion, roll]: [f64; 3], condim: i64, margin: f64, softness: 
     }
 }
 
-/// The contact laws of all geoms that may touch, by their numbers.
+/// Contact laws of all geoms that may collide, by surface number.
 pub(super) fn surfaces(tree: &Tree, contacts: &Contacts, shapes: &Shapes) -> Surfaces {
     let (model, places) = (tree.model, &shapes.touching);
     let geoms = places.iter().map(|(id, places)| {

@@ -1,4 +1,4 @@
-//! A robot's file, URDF or MJCF, as bodies and keys of a specification.
+//! Reads a robot's file, URDF or MJCF, into bodies and keys of a specification.
 
 use nerd_core::robot::Bodies;
 
@@ -15,7 +15,7 @@ use crate::internal::*;
 use crate::scene::GROUND;
 
 impl Description {
-    /// Of a robot's text, URDF or MJCF; `path` is the file's.
+    /// Parses the text of a URDF or MJCF; `path` is its file.
     pub fn of(text: &str, path: Option<&Path>) -> Result<Self, UrdfError> {
         if !is_mjcf(text) {
             let (bodies, notes) = Bodies::from_urdf(text)?;

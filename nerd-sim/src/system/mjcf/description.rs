@@ -7,28 +7,28 @@ use super::statics::Static;
 use crate::internal::*;
 use crate::scene::Surfaces;
 
-/// A robot as its file describes it: bodies, and further keys of a specification.
+/// A robot as described by its file: bodies, and keys of a specification.
 #[derive(Clone, Debug)]
 pub(crate) struct Description {
     pub bodies: Bodies,
-    /// Keys that take precedence over derived ones.
+    /// Keys of a specification; they take precedence over derived keys.
     pub keys: Table,
     pub notes: Vec<String>,
-    /// Orientation of a free root in the file's pose, x y z w.
+    /// Orientation of a free root in the file's default pose, x y z w.
     pub quaternion: [f64; 4],
-    /// Static objects of the world; none if the file defines no world.
+    /// Static objects in the world; empty if the file has no world.
     pub world: Vec<Static>,
-    /// Contact laws of geoms, by the surfaces of solids.
+    /// Contact laws between the surfaces of geoms.
     pub surfaces: Surfaces,
 }
 
 impl Description {
-    /// Whether its base is free, if the file defines it.
+    /// Whether the base is free, if the file defines it.
     pub fn floating(&self) -> Option<bool> {
         self.keys.get("floating").and_then(Value::as_bool)
     }
 
-    /// The planes of its world, then planes through the highest points of its height fields.
+    /// The planes of the world, then planes through the highest points of its height fields.
     pub fn planes(&self) -> impl Iterator<Item = Plane> {
         let planes = self.world.iter().filter_map(|solid| if let Static::Plane { plane, .. } = solid { Some(*plane) } else { None });
         let tops = self.world.iter().filter_map(|solid| {
@@ -39,7 +39,7 @@ impl Description {
         planes.chain(tops)
     }
 
-    /// Its keys without joints that the robot lacks: joints that carry no mass are fixed.
+    /// The keys, without joints that the robot lacks: joints that carry no mass are fixed.
     pub fn keys_of(&self, robot: &Robot) -> Table {
         let mut keys = self.keys.clone();
         let there = |joint: &Value| joint.get("name").and_then(Value::as_str).is_some_and(|name| robot.joint(name).is_ok());

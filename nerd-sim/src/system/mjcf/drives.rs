@@ -1,4 +1,4 @@
-//! Actuators as gains and efforts of joints, and equalities of joints as joints that follow.
+//! Converts actuators to gains and efforts of joints, and joint equalities to joints that follow another.
 
 use std::collections::HashMap;
 
@@ -7,7 +7,7 @@ use super::element::Element;
 use super::tree::{Follower, Motor, Tree};
 use crate::internal::*;
 
-/// By joint, the combined effect of its actuators, and the largest effort that the joint itself sets.
+/// Combined parameters of each joint's actuators; the effort is also limited by the joint's own force range.
 pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<String, Motor>, UrdfError> {
     let mut found = HashMap::<String, Motor>::new();
     for (actuator, e) in &tree.model.actuators {
@@ -35,7 +35,7 @@ pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<Str
         sum.damping += square * actuator.damping;
     }
     for (name, joint, body) in tree.all_joints() {
-        let most = joint.most(&tree.model.bodies[body].source.compiler);
+        let most = joint.torque_limit(&tree.model.bodies[body].source.compiler);
         if most.is_finite() {
             let motor = found.entry(name.clone()).or_default();
             motor.effort = motor.effort.min(most);
@@ -44,7 +44,7 @@ pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<Str
     Ok(found)
 }
 
-/// The joint of an actuator, and its lever there: for a fixed tendon, the sum over joints that move as one.
+/// The joint driven by an actuator, and its transmission ratio. For a fixed tendon, the sum over coupled joints.
 fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64), UrdfError> {
     if let Some(joint) = &actuator.joint {
         return Ok((joint.clone(), 1.0));
@@ -64,7 +64,7 @@ fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64),
     }
 }
 
-/// By joint, what it follows; equalities count from the joints' positions in the file's own pose.
+/// For each coupled joint, its leader; equalities are measured from the joints' reference positions.
 pub(super) fn followers(tree: &Tree) -> Result<HashMap<String, Follower>, UrdfError> {
     let refs: HashMap<_, _> = tree.all_joints().map(|(name, joint, _)| (name.as_str(), joint.reference)).collect();
     let mut found = HashMap::<String, Follower>::new();
@@ -83,7 +83,7 @@ pub(super) fn followers(tree: &Tree) -> Result<HashMap<String, Follower>, UrdfEr
             return Err(e.refused("the joint follows two others"));
         }
     }
-    // Resolves chains of followers; more steps than there are followers mean a ring.
+    // Resolve chains of followers; more steps than followers indicate a cycle.
     let direct = found.clone();
     for (own, follower) in &mut found {
         for step in 0..=direct.len() {

@@ -1,24 +1,24 @@
-//! Elements of an MJCF's text, with their positions; attributes as numbers and words.
+//! Elements of an MJCF with their positions in the text, and access to attributes as numbers and words.
 
 use std::sync::Arc;
 
 use crate::internal::*;
 
-/// Largest magnitude of a number, except ends of ranges.
+/// Largest magnitude of a number, except for ends of ranges.
 const LARGEST: f64 = 1e15;
 
-/// A text shortened to one line, for errors.
+/// `text` shortened to one line, for errors.
 pub(super) fn brief(text: &str) -> String {
     let end = text.char_indices().nth(60).map_or(text.len(), |(end, _)| end);
     format!("{}{}", text[..end].escape_debug(), if end < text.len() { ".." } else { "" })
 }
 
-/// Where an element is.
+/// Position of an element.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// Name of the included file; `None` for the main file.
     pub file: Option<Arc<str>>,
-    /// Folder of that file.
+    /// Folder of this file.
     pub folder: Arc<Path>,
     /// Line, from 1.
     pub line: u32,
@@ -31,7 +31,7 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// An element with its attributes and children; comments and text between elements are left out.
+/// An element with attributes and children; comments and text between elements are dropped.
 #[derive(Clone, Debug)]
 pub(super) struct Element {
     pub tag: String,
@@ -41,7 +41,7 @@ pub(super) struct Element {
 }
 
 impl Element {
-    /// An error with the given reason, its position and name.
+    /// An error with position, tag and name of the element.
     pub fn refused(&self, reason: impl std::fmt::Display) -> UrdfError {
         let name = ["name", "class", "joint", "file"].into_iter().find_map(|key| self.text(key));
         let name = name.map_or_else(String::new, |name| format!(" `{}`", brief(name)));
@@ -52,7 +52,7 @@ impl Element {
         self.attributes.iter().find(|(own, _)| own == key).map(|(_, value)| value.as_str())
     }
 
-    /// The text of an attribute, unless empty.
+    /// The text of an attribute, unless it is empty.
     pub fn word(&self, key: &str) -> Option<&str> {
         self.text(key).filter(|text| !text.is_empty())
     }
@@ -65,7 +65,7 @@ impl Element {
         self.children.iter().filter(move |child| child.tag == tag)
     }
 
-    /// The numbers of an attribute, as many as the schema allows; `None` for an empty one.
+    /// The numbers of an attribute, with the count checked by the schema; `None` if empty.
     pub fn list(&self, key: &str) -> Result<Option<Vec<f64>>, UrdfError> {
         let numbers = self.text(key).unwrap_or_default().split_whitespace().map(|word| {
             let number = word.parse::<f64>().ok().filter(|x| x.abs() <= LARGEST || x.is_infinite() && key.ends_with("range"));
@@ -82,14 +82,14 @@ impl Element {
         Ok(self.array::<1>(key)?.map(|[x]| x))
     }
 
-    /// Replaces numbers by an attribute's, the first of them if it has fewer.
+    /// Overwrites `numbers` with the numbers of an attribute, from the first; the rest stay unchanged.
     pub fn fill(&self, key: &str, numbers: &mut [f64]) -> Result<(), UrdfError> {
         let given = self.list(key)?.unwrap_or_default();
         numbers.iter_mut().zip(given).for_each(|(own, x)| *own = x);
         Ok(())
     }
 
-    /// Replaces a number by an attribute's.
+    /// Overwrites a number with the number of an attribute, if present.
     pub fn set(&self, key: &str, number: &mut f64) -> Result<(), UrdfError> {
         self.fill(key, std::slice::from_mut(number))
     }
@@ -98,7 +98,7 @@ impl Element {
         Ok(self.number(key)?.map(|x| x as i64))
     }
 
-    /// The value of the word in an attribute, one of these by the schema.
+    /// The value paired with the attribute's word; the schema has checked the word.
     pub fn one_of<T: Copy>(&self, key: &str, words: &[(&str, T)]) -> Option<T> {
         let text = self.text(key)?;
         words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value)
@@ -108,7 +108,7 @@ impl Element {
         self.one_of(key, &[("true", true), ("false", false)])
     }
 
-    /// `true`, `false` or `auto`, which is `None` within.
+    /// `true`, `false` or `auto`; the inner `None` is `auto`.
     pub fn tristate(&self, key: &str) -> Option<Option<bool>> {
         self.one_of(key, &[("true", Some(true)), ("false", Some(false)), ("auto", None)])
     }

@@ -1,25 +1,22 @@
-//! Height fields among the assets of an MJCF.
+//! Reads height fields among the assets of an MJCF.
 
 use super::element::Element;
 use super::scope::Scope;
 use crate::internal::*;
 use crate::scene::Field;
 
-/// By name; for an unreadable one, the error.
+/// Height fields by name; an unreadable one holds its error.
 pub(super) type Fields = Vec<(String, Result<Field, String>)>;
-/// Rows, from the least y, columns, and heights `[row][column]`.
+/// `[rows, columns]`, row 0 at the least y, and heights `[row][column]`.
 type Heights = ([usize; 2], Vec<f32>);
-/// Largest number of heights in one.
+/// Maximum number of heights in a field.
 const MOST: f64 = 1e7;
 
 /// All height fields of a file.
 pub(super) fn fields(root: &Element, scope: &Scope) -> Result<Fields, UrdfError> {
     let mut all = Fields::new();
     for e in root.all("asset").flat_map(|asset| asset.all("hfield")) {
-        let file = scope.source.asset(e);
-        let stem = file.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());
-        let Some(name) = e.word("name").map(String::from).or(stem) else { return Err(e.refused("it has neither name nor file")) };
-        let name = format!("{}{name}", scope.at.prefix);
+        let (file, name) = scope.asset(e)?;
         if all.iter().any(|(other, _)| *other == name) {
             return Err(e.refused(format!("another height field is called `{}`, too", name.escape_debug())));
         }
@@ -37,7 +34,7 @@ pub(super) fn fields(root: &Element, scope: &Scope) -> Result<Fields, UrdfError>
     Ok(all)
 }
 
-/// Heights from attributes, whose first row has the largest y.
+/// Heights from attributes; their first row has the largest y.
 fn listed(e: &Element) -> Result<Heights, UrdfError> {
     let mut counts = [0.0; 2];
     for (key, count) in ["nrow", "ncol"].into_iter().zip(&mut counts) {
@@ -68,7 +65,7 @@ fn read(_: &Path) -> Result<Heights, String> {
     Err("this build reads no such files; switch the feature `meshes` on".into())
 }
 
-/// A block of these heights, scaled so that they go from 0 to the third size (m).
+/// A block of these heights, scaled to the range from 0 to `height` (m).
 fn field(([nrow, ncol], heights): Heights, [x, y, height, base]: [f64; 4]) -> Result<Field, String> {
     let [low, high] = heights.iter().fold([f32::MAX, f32::MIN], |[low, high], h| [low.min(*h), high.max(*h)]);
     let range = if f64::from(high - low) > 1e-14 { high - low } else { 1.0 };

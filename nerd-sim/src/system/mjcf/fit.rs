@@ -1,4 +1,4 @@
-//! Primitives that are fitted to meshes: sizes and poses by the rules of MuJoCo's compiler.
+//! Fits primitives to meshes: sizes and poses by the rules of MuJoCo's compiler.
 
 use nalgebra::Rotation3;
 
@@ -6,7 +6,7 @@ use super::geom::{Geom, Type};
 use super::model::{Mesh, Model};
 use crate::internal::*;
 
-/// Gives every primitive that names a mesh the mesh's size and place.
+/// Sets size and pose of every primitive that names a mesh.
 pub(super) fn fit(model: &mut Model) -> Result<(), UrdfError> {
     let Model { bodies, meshes, .. } = model;
     for body in bodies {
@@ -24,8 +24,8 @@ pub(super) fn fit(model: &mut Model) -> Result<(), UrdfError> {
     Ok(())
 }
 
-/// Pose and half edges of a box in the principal axes of a mesh, largest moment first: the box of equal inertia, or the box around the
-/// mesh.
+/// Pose and half edges of a box along the principal axes of a mesh, largest moment first: the box of equal inertia, or
+/// with `around` the bounding box.
 fn bounds(mesh: &Mesh, around: bool) -> Result<(Isometry3<f64>, Vector3<f64>), String> {
     let own = mesh.weighed()?;
     let principal = own.inertia.symmetric_eigen();
@@ -43,7 +43,7 @@ fn bounds(mesh: &Mesh, around: bool) -> Result<(Isometry3<f64>, Vector3<f64>), S
     Ok((pose * Isometry3::from(0.5 * (low + high)), 0.5 * (high - low)))
 }
 
-/// Sizes of a primitive in a box.
+/// MuJoCo's size numbers of a primitive that fits a box.
 fn sizes(kind: Type, half: &Vector3<f64>, around: bool) -> [f64; 3] {
     let [x, y, z] = [half.x, half.y, half.z];
     let across = if around { x.max(y) } else { 0.5 * (x + y) };

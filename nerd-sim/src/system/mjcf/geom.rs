@@ -1,4 +1,4 @@
-//! Geoms of an MJCF.
+//! Reads the geoms of an MJCF.
 
 use super::compiler::{Compiler, SHORT, between};
 use super::element::Element;
@@ -31,7 +31,7 @@ pub(super) const TYPES: [(&str, Type); 9] = [
     ("sdf", Type::Sdf),
 ];
 
-/// Applies an element's softness attributes.
+/// Applies the softness attributes of an element.
 pub(super) fn soften(own: &mut Softness, e: &Element, [solref, solimp]: [&str; 2]) -> Result<(), UrdfError> {
     e.fill(solref, &mut own.solref)?;
     e.fill(solimp, &mut own.solimp)
@@ -45,9 +45,9 @@ pub(super) struct Geom {
     pub fromto: Option<[f64; 6]>,
     pub pose: Isometry3<f64>,
     pub mesh: Option<String>,
-    /// Its height field.
+    /// Name of the height field.
     pub field: Option<String>,
-    /// Factor of the sizes of a primitive that is fitted to the mesh.
+    /// Factor on the sizes of a primitive fitted to a mesh.
     pub fit: f64,
     pub mass: Option<f64>,
     pub density: f64,
@@ -92,7 +92,7 @@ impl Default for Geom {
     }
 }
 
-/// Refuses sizes that must be above zero for this type, and ends at one position.
+/// Refuses sizes that are not positive where the type needs them, and a segment with coincident ends.
 pub(super) fn sized(
     e: &Element,
     kind: Type,
@@ -111,7 +111,7 @@ pub(super) fn sized(
         Type::Box | Type::Ellipsoid => 3,
         _ => 0,
     };
-    // Ends determine all sizes but the radius.
+    // The ends of a segment determine all sizes but the radius.
     let needed = if fitted { 0 } else { needed.min(if ends.is_some() { 1 } else { 3 }) };
     if size[..needed].iter().any(|x| *x <= 0.0) || kind == Type::Plane && size[2] <= 0.0 {
         return Err(e.refused(format!("size {size:?}: numbers above zero are needed for its type")));
@@ -120,7 +120,7 @@ pub(super) fn sized(
 }
 
 impl Geom {
-    /// Applies a geom element's attributes.
+    /// Applies the attributes of a geom element.
     pub fn apply(&mut self, e: &Element, compiler: &Compiler) -> Result<(), UrdfError> {
         self.name = e.word("name").map(String::from);
         self.kind = e.one_of("type", &TYPES).unwrap_or(self.kind);
@@ -146,7 +146,7 @@ impl Geom {
         e.set("gap", &mut self.gap)
     }
 
-    /// Refuses sizes, masses and contact properties that MuJoCo refuses, and unsupported ones.
+    /// Refuses sizes, masses and contact parameters that MuJoCo refuses, and unsupported ones.
     pub fn check(&self, e: &Element) -> Result<(), UrdfError> {
         sized(e, self.kind, &self.size, self.mesh.is_some(), self.fromto.as_ref().map(|ends| (ends, &self.pose)))?;
         if self.mass.is_some_and(|mass| mass < 0.0) || self.density < 0.0 {
@@ -168,7 +168,7 @@ impl Geom {
         Ok(())
     }
 
-    /// Moves it to its element's frame on its body.
+    /// Moves the geom into its body's frame, and adds the affixes to its names.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.mesh = self.mesh.take().map(|name| format!("{}{name}", at.prefix));
@@ -177,7 +177,8 @@ impl Geom {
         (self.pose, self.fromto) = (at.frame * self.pose, None);
     }
 
-    /// Its pose and sizes (m), from its ends if it has them: radius, then half the length; for other types half the length last.
+    /// Pose and sizes (m), computed from the segment's ends if given: radius and half length for capsules and
+    /// cylinders, half edges for other types.
     fn placed(&self) -> (Isometry3<f64>, [f64; 3]) {
         let Some(ends) = &self.fromto else { return (self.pose, self.size) };
         let ((pose, half), radius) = (between(ends), self.size[0]);

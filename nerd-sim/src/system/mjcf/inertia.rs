@@ -1,4 +1,4 @@
-//! Masses and inertias of bodies, by the rules of MuJoCo's compiler.
+//! Computes masses and inertias of bodies by the rules of MuJoCo's compiler.
 
 use std::f64::consts::PI;
 
@@ -8,16 +8,16 @@ use super::tree::Tree;
 use super::volume::{MassOf, properties};
 use crate::internal::*;
 
-/// Least mass (kg) and inertia (kg m^2) above zero, and volume (m^3).
+/// Least mass (kg) and inertia (kg m^2) that counts as positive, and least volume (m^3).
 const NOTHING: f64 = 1e-15;
 const EMPTY: f64 = 1e-14;
 
-/// Inertias of all bodies in their own frames; zero for static bodies.
+/// Inertias of all bodies in their body frames; zero for static bodies.
 pub(super) fn inertias(tree: &Tree) -> Result<Vec<BodyInertia>, UrdfError> {
     let model = tree.model;
     let total = model.bodies[0].source.compiler.total_mass;
     let inertia = |(id, body): (usize, &Body)| {
-        // Static bodies count towards a prescribed total, except the world itself.
+        // Static bodies contribute to a prescribed total mass; the world does not.
         let counts = id > 0 && total > 0.0;
         if model.still(id) && !counts { Ok(BodyInertia::default()) } else { of(body, model) }
     };
@@ -34,7 +34,7 @@ pub(super) fn inertias(tree: &Tree) -> Result<Vec<BodyInertia>, UrdfError> {
     Ok(all)
 }
 
-/// Whether a body, or one fixed to it, has mass and inertia.
+/// Whether a body, or a body fixed to it, has mass and inertia.
 fn carries(model: &Model, all: &[BodyInertia], id: usize) -> bool {
     let own = &all[id];
     let fixed = |k: &usize| model.bodies[*k].parent == id && model.bodies[*k].joints.is_empty();
@@ -42,7 +42,7 @@ fn carries(model: &Model, all: &[BodyInertia], id: usize) -> bool {
         || (id + 1..all.len()).filter(fixed).any(|k| carries(model, all, k))
 }
 
-/// A body's inertia in its own frame.
+/// Inertia of a body in its frame.
 fn of(body: &Body, model: &Model) -> Result<BodyInertia, UrdfError> {
     let compiler = &body.source.compiler;
     let mut sum = BodyInertia::default();
@@ -79,10 +79,10 @@ fn of(body: &Body, model: &Model) -> Result<BodyInertia, UrdfError> {
     Ok(sum)
 }
 
-/// Pose of the centre of mass, mass (kg) and inertia about it (kg m^2).
+/// Pose of the centre of mass, mass (kg), and inertia about it (kg m^2).
 type Part = (Isometry3<f64>, f64, Matrix3<f64>);
 
-/// The contribution of a geom to its body; `None` without volume.
+/// Contribution of a geom to its body; `None` without volume.
 fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
     if geom.kind == Type::Mesh {
         let mesh = geom.mesh.as_ref().and_then(|name| model.mesh(name)).ok_or("its mesh is not there")?;
@@ -95,12 +95,12 @@ fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
         return Ok(Some((pose, own.mass * factor, own.inertia * factor)));
     }
     let Some((volume, unit)) = moments(geom) else { return Ok(None) };
-    // A geom of negligible volume weighs nothing, whatever its mass.
+    // A geom of negligible volume has no mass, even with a `mass` attribute.
     let mass = geom.mass.filter(|_| volume > EMPTY).unwrap_or(geom.density * volume);
     Ok(Some((geom.pose, mass, Matrix3::from_diagonal(&(unit * mass)))))
 }
 
-/// Volume (m^3), or area (m^2) of a shell, and principal moments at a mass of 1 kg (m^2) of a primitive.
+/// Volume (m^3), or for a shell area (m^2), and principal moments per unit mass (m^2) of a primitive.
 fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
     let size = Vector3::from(geom.size);
     let (r, h) = (size.x, 2.0 * size.y);
@@ -125,13 +125,13 @@ fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
     })
 }
 
-/// The same for a shell.
+/// Area (m^2) and principal moments per unit mass (m^2) of a shell.
 fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     let (r, h) = (size.x, 2.0 * size.y);
     match kind {
         Type::Sphere => Some((4.0 * PI * r * r, Vector3::repeat(2.0 / 3.0 * r * r))),
         Type::Box => {
-            // Pairs of plates, each across one axis.
+            // Pairs of opposite plates, one pair per axis.
             let [x, y, z] = [size.x, size.y, size.z];
             let plates =
                 [(4.0 * y * z, x, [0.0, y * y, z * z]), (4.0 * x * z, y, [x * x, 0.0, z * z]), (4.0 * x * y, z, [x * x, y * y, 0.0])];
@@ -152,7 +152,7 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
             Some((side + caps, Vector3::new(across, across, along)))
         }
         Type::Capsule => {
-            // Two half spheres, whose centres of mass are half a radius beyond the ends.
+            // Two hemispheres, each with its centre of mass half a radius beyond an end.
             let (side, caps) = (2.0 * PI * r * h, 4.0 * PI * r * r);
             let along = (side * r * r + caps * 2.0 / 3.0 * r * r) / (side + caps);
             let far = 0.5 * h;
@@ -164,7 +164,7 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
 }
 
 impl Mesh {
-    /// Its properties at a density of 1 kg/m^3, or 1 kg/m^2 of a shell.
+    /// Mass properties at a density of 1 kg/m^3, or for a shell 1 kg/m^2.
     pub fn weighed(&self) -> Result<BodyInertia, String> {
         let (vertices, faces) = self.triangles()?;
         properties(&vertices, &faces, self.mass_kind()?)

@@ -1,4 +1,4 @@
-//! Joints of an MJCF.
+//! Reads the joints of an MJCF.
 
 use super::compiler::Compiler;
 use super::element::Element;
@@ -24,7 +24,7 @@ impl Kind {
     }
 }
 
-/// A joint. Angles are in the file's units until [`Joint::in_si`].
+/// A joint. Angles are in the file's unit until [`Joint::in_si`].
 #[derive(Clone, Debug)]
 pub(super) struct Joint {
     pub name: Option<String>,
@@ -35,25 +35,25 @@ pub(super) struct Joint {
     limited: Option<bool>,
     pub reference: f64,
     pub spring_reference: f64,
-    /// Stiffness, and factors of higher powers of the displacement.
+    /// Stiffness, then coefficients of higher powers of the displacement.
     pub stiffness: [f64; 3],
-    /// Damping, and factors of higher powers of the velocity.
+    /// Damping, then coefficients of higher powers of the velocity.
     pub damping: [f64; 3],
-    /// Time constant (s) and damping ratio of a spring, in place of both.
+    /// Time constant (s) and damping ratio of the spring, in place of stiffness and damping.
     pub spring_damper: [f64; 2],
     pub armature: f64,
     pub friction: f64,
     pub effort: [f64; 2],
-    /// Whether a free body without children has its frame at its centre of mass, along its principal axes.
+    /// Whether a free body without children gets its frame at the centre of mass, along the principal axes.
     pub align: bool,
     effort_limited: Option<bool>,
-    /// Whether gravity compensation counts as its actuators' torque.
+    /// Whether gravity compensation counts as actuator force.
     pub lifts: bool,
-    /// Attributes for the softness of its range and its dry friction, which are ignored.
+    /// Attributes found for the softness of limits and dry friction; they are ignored.
     pub soft: Vec<&'static str>,
 }
 
-/// Names of those attributes.
+/// Names of the softness attributes.
 const SOFT: [&str; 5] = ["margin", "solreflimit", "solimplimit", "solreffriction", "solimpfriction"];
 
 impl Default for Joint {
@@ -86,14 +86,14 @@ impl Joint {
         Self { name: name.map(String::from), kind: Kind::Free, ..Self::default() }
     }
 
-    /// Moves it to its element's frame on its body.
+    /// Moves the joint into its body's frame, and adds the affixes to its name.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.pos = at.frame.transform_point(&self.pos.into()).coords.into();
         self.axis = (at.frame.rotation * Vector3::from(self.axis)).into();
     }
 
-    /// Applies a joint element's attributes.
+    /// Applies the attributes of a joint element.
     pub fn apply(&mut self, e: &Element) -> Result<(), UrdfError> {
         let kinds = [("free", Kind::Free), ("ball", Kind::Ball), ("slide", Kind::Slide), ("hinge", Kind::Hinge)];
         self.kind = e.one_of("type", &kinds).unwrap_or(self.kind);
@@ -117,7 +117,7 @@ impl Joint {
         e.set("frictionloss", &mut self.friction)
     }
 
-    /// The same with its angles in rad.
+    /// The joint with angles in rad.
     pub fn in_si(mut self, compiler: &Compiler) -> Self {
         if self.kind == Kind::Hinge {
             self.range = self.range.map(|x| compiler.angle(x));
@@ -126,12 +126,12 @@ impl Joint {
         self
     }
 
-    /// Ends of its range, if it has one.
+    /// Ends of the joint's range, if it is limited.
     pub fn limits(&self, compiler: &Compiler) -> Option<[f64; 2]> {
         limited(self.range, self.limited, compiler)
     }
 
-    /// Properties of the joint that sensors and equalities may require.
+    /// Properties that sensors and equalities may require of a joint.
     pub fn kinds(&self, compiler: &Compiler) -> [(&'static str, bool); 3] {
         let limited = self.kind != Kind::Free && self.limits(compiler).is_some();
         [
@@ -141,12 +141,12 @@ impl Joint {
         ]
     }
 
-    /// Largest torque (N m) or force (N) of its actuators together.
-    pub fn most(&self, compiler: &Compiler) -> f64 {
+    /// Largest total torque (N m) or force (N) of the joint's actuators.
+    pub fn torque_limit(&self, compiler: &Compiler) -> f64 {
         largest(self.effort, self.effort_limited, compiler)
     }
 
-    /// Stiffness and damping of its spring; `inertia` is the joint's with all others free, if known.
+    /// Stiffness and damping of the spring. `inertia` is felt at the joint with all other joints free, if known.
     pub fn spring(&self, inertia: Option<f64>, options: &Options) -> (f64, f64) {
         let [time, ratio] = self.spring_damper;
         let (stiffness, damping) = match inertia {
@@ -157,7 +157,7 @@ impl Joint {
         (on("spring", stiffness), on("damper", damping))
     }
 
-    /// Refuses values out of range, and unsupported ones.
+    /// Refuses values out of range, and unsupported attributes.
     pub fn check(&self, e: &Element) -> Result<(), UrdfError> {
         if self.kind == Kind::Ball {
             return Err(e.refused("ball joints are not supported; robots are trees of hinges and slides"));
@@ -187,13 +187,13 @@ impl Joint {
     }
 }
 
-/// A range that is active: declared so, or of nonzero width.
+/// The range, if active: declared as limited, or with `autolimits` of positive width.
 pub(super) fn limited(range: [f64; 2], limited: Option<bool>, compiler: &Compiler) -> Option<[f64; 2]> {
     let there = limited.unwrap_or(compiler.autolimits && range[0] < range[1]);
     there.then_some(range)
 }
 
-/// The larger end of a range, infinite without one.
+/// Largest magnitude of an active range; infinite without one.
 pub(super) fn largest(range: [f64; 2], said: Option<bool>, compiler: &Compiler) -> f64 {
     limited(range, said, compiler).map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()))
 }

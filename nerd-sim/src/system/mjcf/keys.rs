@@ -1,4 +1,5 @@
-//! Content of an MJCF beyond bodies, as keys of a specification: gravity, armature, springs, gains and their law, a standing pose.
+//! Content of an MJCF beyond bodies, as keys of a specification: gravity, armature, springs, gains, control, a default
+//! pose.
 
 use std::collections::HashMap;
 
@@ -10,10 +11,10 @@ use super::joint::Joint;
 use super::tree::Tree;
 use crate::internal::*;
 
-/// Keyframes used as a standing pose, the best first; else the first keyframe.
+/// Names of keyframes used as default pose, in order of preference; else the first keyframe.
 const STANDING: [&str; 3] = ["home", "stand", "standing"];
 
-/// The keys, and the orientation of a free root in the pose that they describe (x y z w).
+/// The keys, and the orientation (x y z w) of a free root in their default pose.
 pub(super) fn keys(tree: &Tree, inertias: &HashMap<String, f64>, notes: &mut Vec<String>) -> Result<(Table, [f64; 4]), UrdfError> {
     let mut keys = Table::new();
     keys.insert("floating".into(), Value::Boolean(tree.free.is_some()));
@@ -21,7 +22,7 @@ pub(super) fn keys(tree: &Tree, inertias: &HashMap<String, f64>, notes: &mut Vec
     let led = || tree.all_joints().filter(|(name, ..)| !tree.follow.contains_key(*name));
     let mut joints: Vec<Table> = led().map(|(name, joint, body)| own(tree, name, joint, body, inertias.get(name))).collect();
     fold(tree, &mut joints, notes);
-    // For a legged robot a controller is derived in any case.
+    // For a robot with a free base, a controller is always derived.
     if tree.free.is_none() && !joints.is_empty() {
         keys.extend(control(tree, notes).map(|control| ("control".into(), Value::Table(control))));
     }
@@ -32,8 +33,8 @@ pub(super) fn keys(tree: &Tree, inertias: &HashMap<String, f64>, notes: &mut Vec
     Ok((keys, root))
 }
 
-/// By joint, its inertia (kg m^2 or kg) in the file's pose with all others free: the basis of damping ratios and time constants. Empty if
-/// no joint needs it.
+/// Inertia (kg m^2 or kg) felt at each joint in the file's pose with all other joints free. Damping ratios and time
+/// constants refer to it. Empty if no joint needs it.
 pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f64>, UrdfError> {
     let asks = tree.all_joints().any(|(_, joint, _)| joint.spring_damper != [0.0; 2]) || tree.motors.values().any(|m| !m.ratios.is_empty());
     if !asks {
@@ -71,7 +72,7 @@ fn own(tree: &Tree, name: &str, joint: &Joint, body: usize, inertia: Option<&f64
     let mut set = |key: &str, x: f64| _ = own.insert(key.into(), Value::Float(x));
     let motor = tree.motors.get(name);
     set("armature", joint.armature + motor.map_or(0.0, |motor| motor.armature));
-    set("default", within_range(tree, joint, body, joint.reference));
+    set("default_q", within_range(tree, joint, body, joint.reference));
     let (stiffness, _) = joint.spring(inertia.copied(), &tree.model.options);
     if stiffness > 0.0 {
         set("stiffness", stiffness);
@@ -94,7 +95,7 @@ fn within_range(tree: &Tree, joint: &Joint, body: usize, q: f64) -> f64 {
     tree.limits(joint, body).filter(|[low, high]| low <= high).map_or(q, |[low, high]| q.clamp(low, high))
 }
 
-/// The position law of an arm all of whose joints have position actuators.
+/// The position law of an arm with position actuators on all joints.
 fn control(tree: &Tree, notes: &mut Vec<String>) -> Option<Table> {
     let held = |name: &str| tree.motors.get(name).filter(|motor| motor.kp > 0.0);
     let led = tree.all_joints().map(|(name, ..)| name).filter(|name| !tree.follow.contains_key(*name));
@@ -103,12 +104,16 @@ fn control(tree: &Tree, notes: &mut Vec<String>) -> Option<Table> {
         notes.push(format!("joint `{other}` has no position actuator, so actions are torques; [control] in a .toml makes them targets"));
     }
     let clamp = with.iter().filter_map(|name| held(name)).all(|motor| motor.effort.is_finite());
-    let law =
-        [("scale", Value::Float(1.0)), ("clamp", Value::Boolean(clamp)), ("ahead", Value::Boolean(true)), ("servo", Value::Boolean(true))];
+    let law = [
+        ("scale", Value::Float(1.0)),
+        ("clamp", Value::Boolean(clamp)),
+        ("stable_pd", Value::Boolean(true)),
+        ("servo", Value::Boolean(true)),
+    ];
     (!with.is_empty() && without.is_empty()).then(|| law.map(|(key, x)| (key.to_string(), x)).into_iter().collect())
 }
 
-/// Moves armature and springs of joints that follow to the joints that they follow.
+/// Moves armature and springs of following joints to their leaders.
 fn fold(tree: &Tree, joints: &mut [Table], notes: &mut Vec<String>) {
     for (name, joint, _) in tree.all_joints() {
         let Some(f) = tree.follow.get(name) else { continue };
@@ -123,7 +128,8 @@ fn fold(tree: &Tree, joints: &mut [Table], notes: &mut Vec<String>) {
     }
 }
 
-/// Sets the joints' positions from a keyframe; returns the orientation of a free root there, or else in the file (x y z w).
+/// Sets the default positions of the joints from a keyframe. Returns the orientation (x y z w) of a free root in the
+/// keyframe, else in the file.
 fn pose(tree: &Tree, joints: &mut [Table]) -> Result<[f64; 4], UrdfError> {
     let own = tree.free.map_or(UnitQuaternion::identity(), |id| tree.model.bodies[id].pose.rotation);
     let frames = || tree.model.keys.iter().filter_map(|key| Some((key, key.q.as_ref()?)));
@@ -134,7 +140,7 @@ fn pose(tree: &Tree, joints: &mut [Table]) -> Result<[f64; 4], UrdfError> {
     let root = if tree.free.is_some() { 7 } else { 0 };
     for ((name, joint, body), q) in tree.all_joints().zip(q.iter().skip(root)) {
         if let Some(own) = joints.iter_mut().find(|own| own["name"].as_str() == Some(name)) {
-            own.insert("default".into(), Value::Float(within_range(tree, joint, body, *q)));
+            own.insert("default_q".into(), Value::Float(within_range(tree, joint, body, *q)));
         }
     }
     let turned = || Some(nalgebra::Quaternion::new(*q.get(3)?, *q.get(4)?, *q.get(5)?, *q.get(6)?));

@@ -1,4 +1,4 @@
-//! Laws of actuators: force from control, position and velocity.
+//! Actuator laws: force from control, position and velocity.
 
 /// `gain control + bias`.
 #[derive(Clone, Debug)]
@@ -6,7 +6,7 @@ pub(super) struct Law {
     pub gain_kind: String,
     pub bias_kind: String,
     pub gain: f64,
-    /// Constant, factor of the position, factor of the velocity; a factor above zero is a damping ratio.
+    /// Constant, coefficient of position, coefficient of velocity; a positive last one is a damping ratio.
     pub bias: [f64; 3],
 }
 
@@ -16,12 +16,12 @@ impl Law {
     }
 }
 
-/// Defaults of `<motor>`.
+/// Default law of `<motor>`.
 pub(super) fn motor() -> Law {
     Law::new("none", [0.0; 3])
 }
 
-/// Defaults of `<position>` and `<velocity>`.
+/// Default laws of `<position>` and `<velocity>`.
 pub(super) fn servos() -> [Law; 2] {
     [Law::new("affine", [0.0, -1.0, 0.0]), Law::new("affine", [0.0, 0.0, -1.0])]
 }

@@ -1,4 +1,4 @@
-//! Mesh assets of an MJCF: where their files are, and their triangles.
+//! Mesh assets of an MJCF: paths of their files, and their triangles.
 
 use nerd_core::robot::Form;
 
@@ -13,12 +13,9 @@ pub(super) fn meshes(root: &Element, scope: &Scope) -> Result<Vec<Mesh>, UrdfErr
 }
 
 fn mesh(e: &Element, scope: &Scope) -> Result<Mesh, UrdfError> {
-    let source = &scope.source;
-    let mut class = source.classes.of(e, None)?.mesh.clone();
+    let mut class = scope.source.classes.of(e, None)?.mesh.clone();
     class.apply(e)?;
-    let file = source.asset(e);
-    let stem = file.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());
-    let Some(name) = e.word("name").map(String::from).or(stem) else { return Err(e.refused("it has neither name nor file")) };
+    let (file, name) = scope.asset(e)?;
     if file.is_none() && !e.has("vertex") {
         return Err(e.refused("it has neither file nor vertex; builtin meshes are not supported"));
     }
@@ -37,9 +34,9 @@ fn mesh(e: &Element, scope: &Scope) -> Result<Mesh, UrdfError> {
         reference.rotation = UnitQuaternion::try_new(quat, 1e-12).ok_or_else(|| e.refused("refquat is zero"))?;
     }
     Ok(Mesh {
-        name: format!("{}{name}", scope.at.prefix),
+        name,
         file,
-        // MuJoCo stores them in 32 bits.
+        // MuJoCo stores vertices in 32 bits.
         vertices: vertices.chunks(3).map(|v| Vector3::from_column_slice(v).map(|x| f64::from(x as f32))).collect(),
         faces: indices.chunks(3).map(|face| [face[0] as u32, face[1] as u32, face[2] as u32]).collect(),
         scale: class.scale.into(),
@@ -52,7 +49,7 @@ fn mesh(e: &Element, scope: &Scope) -> Result<Mesh, UrdfError> {
 type Triangles = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
 impl Mesh {
-    /// Its triangles (m): vertices minus the reference position, rotated back by the reference rotation, then scaled.
+    /// Triangles (m) of the mesh: moved into the reference frame, then scaled.
     pub fn triangles(&self) -> Result<Triangles, String> {
         let (mut vertices, mut faces) = match &self.file {
             Some(file) => read(file).map_err(|reason| format!("mesh `{}`, {}: {reason}", self.name, file.display()))?,
@@ -65,16 +62,17 @@ impl Mesh {
         Ok((vertices, faces))
     }
 
-    /// A geom at `pose` as a solid; `None` for an unreadable file.
+    /// A geom with this mesh at `pose` as a solid; `None` for an unreadable file.
     pub fn form(&self, pose: &Isometry3<f64>) -> Option<(Form, Isometry3<f64>)> {
         let [x, y, z] = self.scale.into();
         let turns = self.reference.rotation.angle() > 0.0 && !(x == y && y == z);
         match &self.file {
-            // Scaled along its own axes, then moved.
+            // Without a rotation, or with uniform scale, the pose can follow the scaling.
             Some(file) if !turns => {
                 let back = self.reference.rotation.inverse();
                 let at = -(back * self.reference.translation.vector).component_mul(&self.scale);
-                // The reader joins it to the folder of the robot's file, which is included already.
+                // An absolute path: the reader would join a relative path to the folder of the robot's file a second
+                // time.
                 let file = std::path::absolute(file).unwrap_or_else(|_| file.clone());
                 let form = Form::Mesh { file: file.to_string_lossy().into_owned(), scale: self.scale };
                 Some((form, pose * Isometry3::from_parts(at.into(), back)))

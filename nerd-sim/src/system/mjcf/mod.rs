@@ -1,10 +1,10 @@
-//! Robots read from MJCF, MuJoCo's own text.
+//! Reads robots from MJCF, MuJoCo's model format.
 //!
-//! A file becomes elements ([`parse`]), with the names and attributes of MuJoCo's schema. Elements with their default classes become a
-//! model, in SI units and with frames, copies and attached models expanded. The model becomes bodies, as a URDF does, and keys of a
-//! specification. A joint's coordinate is MuJoCo's own, `ref` included; a link's frame is its last joint's, and it also stores the body's.
-//! Equalities of joints hold exactly ([`nerd_core::robot::Mimic`]), limits follow our law, contacts ours with the friction, filters and
-//! margins of the file.
+//! A file is parsed into elements ([`parse`]) with the names and attributes of MuJoCo's schema. Elements and default
+//! classes become a model in SI units, with frames, replicas and attached models expanded. The model becomes bodies, as
+//! a URDF does, and keys of a specification. Joint coordinates are MuJoCo's, `ref` included. A link's frame is its last
+//! joint's; the body's frame is stored, too. Joint equalities hold exactly ([`nerd_core::robot::Mimic`]). Limits follow
+//! our law; contacts follow ours with the file's friction, filters and margins.
 
 mod actuator;
 mod attach;

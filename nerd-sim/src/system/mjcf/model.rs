@@ -1,4 +1,4 @@
-//! Content of an MJCF after reading: bodies with joints, geoms and sites, meshes, actuators, couplings, contacts, poses.
+//! Content of an MJCF: bodies with joints, geoms and sites, meshes, actuators, couplings, contacts, keyframes.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -15,20 +15,20 @@ use super::source::Source;
 use crate::internal::*;
 use crate::scene::Field;
 
-/// A body; the first one is the world.
+/// A body; body 0 is the world.
 pub(super) struct Body {
     pub name: Option<String>,
     pub parent: usize,
-    /// Pose in its parent's frame.
+    /// Pose in the parent's frame.
     pub pose: Isometry3<f64>,
     pub joints: Vec<Joint>,
     pub geoms: Vec<Geom>,
     pub sites: Vec<Site>,
-    /// Pose, mass and inertia of its `<inertial>`.
+    /// Pose, mass and inertia from `<inertial>`.
     pub inertial: Option<(Isometry3<f64>, f64, Matrix3<f64>)>,
     pub mocap: bool,
     pub weightless: f64,
-    /// Its element without children, for errors.
+    /// The body's element without children, for errors.
     pub element: Element,
     pub source: Arc<Source>,
 }
@@ -44,24 +44,24 @@ impl Body {
 /// A mesh asset.
 pub(super) struct Mesh {
     pub name: String,
-    /// The file, found; `None` for a mesh whose vertices are in the text.
+    /// Path of the file; `None` for a mesh with vertices in the MJCF.
     pub file: Option<PathBuf>,
     pub vertices: Vec<Vector3<f64>>,
     pub faces: Vec<[u32; 3]>,
     pub scale: Vector3<f64>,
-    /// The mesh's frame in the file's axes.
+    /// Reference frame of the mesh in the file's axes.
     pub reference: Isometry3<f64>,
     pub inertia: String,
 }
 
-/// Two geoms with the contact properties of a `<pair>`.
+/// Two geoms with the contact parameters of a `<pair>`.
 pub(super) struct GeomPair {
     pub geoms: [String; 2],
     pub law: Pair,
     pub element: Element,
 }
 
-/// `joint = constant + multiplier leader + ..`, both relative to their references.
+/// `joint = constant + multiplier leader + ..`, with both relative to their reference positions.
 pub(super) struct Coupling {
     pub joint: String,
     pub leader: Option<String>,
@@ -69,7 +69,7 @@ pub(super) struct Coupling {
     pub element: Element,
 }
 
-/// Coordinates by name.
+/// A keyframe: coordinates by name.
 pub(super) struct Key {
     pub name: String,
     pub q: Option<Vec<f64>>,
@@ -85,9 +85,9 @@ pub(super) struct Model {
     pub fields: Fields,
     pub actuators: Vec<(Actuator, Element)>,
     pub couplings: Vec<Coupling>,
-    /// Tendons of constant length, each with its excess over the length in the file's pose.
+    /// Tendons of constant length, each with its difference from the length in the file's pose.
     pub taut: Vec<(String, f64, Element)>,
-    /// Fixed tendons by name: their joints, each with its coefficient.
+    /// Fixed tendons by name: joints with their coefficients.
     pub tendons: HashMap<String, Vec<(String, f64)>>,
     pub pairs: Vec<GeomPair>,
     pub excluded: Vec<([String; 2], Element)>,
@@ -96,7 +96,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// Turns a fixed tendon of two joints and constant length into a joint that follows another.
+    /// Converts a fixed tendon of two joints and constant length to a coupling of these joints.
     pub fn tie(&mut self) -> Result<(), UrdfError> {
         for (tendon, longer, element) in std::mem::take(&mut self.taut) {
             let Some([(leader, a), (joint, b)]) = self.tendons.get(&tendon).map(Vec::as_slice) else {
@@ -125,14 +125,14 @@ impl Model {
         self.above(id).all(|k| self.bodies[k].joints.is_empty())
     }
 
-    /// The pose of a body in the world, in the file's pose.
+    /// World pose of a body in the file's default pose.
     pub fn in_world(&self, id: usize) -> Isometry3<f64> {
         self.above(id).fold(Isometry3::identity(), |pose, k| self.bodies[k].pose * pose)
     }
 }
 
 impl Model {
-    /// Refuses keys that have more numbers than the model has coordinates, controls or targets.
+    /// Refuses keyframes with more numbers than the model has coordinates, controls or mocap targets.
     pub fn sizes(&self) -> Result<(), UrdfError> {
         let joints = || self.bodies.iter().flat_map(|body| &body.joints);
         let sum = |of: fn(Kind) -> usize| joints().map(|joint| of(joint.kind)).sum::<usize>();

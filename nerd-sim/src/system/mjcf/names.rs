@@ -1,4 +1,4 @@
-//! Names of a model's objects by kind: unique, and each reference must exist.
+//! Checks names of a model's objects: unique within a kind, and each reference must exist.
 
 use std::collections::HashSet;
 
@@ -7,24 +7,24 @@ use super::scope::Scope;
 use super::values::{Value, value_of};
 use crate::internal::*;
 
-/// Sections all of whose elements are of one kind.
+/// Sections with all elements of one kind.
 const KINDS: [&str; 4] = ["actuator", "equality", "sensor", "tendon"];
-/// Assets that are useless without a name.
+/// Kinds of assets that need a name.
 const ASSETS: [&str; 4] = ["hfield", "material", "mesh", "texture"];
 
 #[derive(Default)]
 pub(super) struct Names {
     known: HashSet<(String, String)>,
-    /// Names from which copies were made, and the suffixes of copies.
+    /// Names of replicated objects before suffixes, and the suffixes of replicas.
     copied: HashSet<(String, String)>,
     suffixes: HashSet<String>,
-    /// References: kind and name, and the referring element and attribute.
+    /// References: kind and name, referring element, attribute.
     asked: Vec<((String, String), Element, String)>,
     once: HashSet<(String, String)>,
 }
 
 impl Names {
-    /// Adds an object; returns whether its name is unique among its kind.
+    /// Adds an object; returns whether its name is new among its kind.
     pub fn add(&mut self, kind: &str, name: &str, scope: &Scope) -> bool {
         let (at, own) = (&scope.at, |name: String| (kind.to_string(), name));
         if !at.suffix.is_empty() {
@@ -44,7 +44,7 @@ impl Names {
         }
     }
 
-    /// Refuses a name that no object has; the original name of copies stands for all of them.
+    /// Refuses a reference to a missing object; the original name of replicas refers to all of them.
     pub fn check(&self) -> Result<(), UrdfError> {
         let there = |(kind, name): &(String, String)| {
             let copy = |suffix: &String| name.strip_suffix(suffix).is_some_and(|own| self.known.contains(&(kind.clone(), own.into())));
@@ -59,13 +59,13 @@ impl Names {
         Err(e.refused(format!("{key}=\"{}\": there is no such {}{near}", brief(name), kind.replace('-', " "))))
     }
 
-    /// Registers the name of an element of a section or body, and the names it refers to, its class included. `attached`: in an attached
-    /// model.
+    /// Registers the name of an element in a section or body, and its references, including class. `attached`: the
+    /// element is part of an attached model.
     pub fn take(&mut self, e: &Element, section: &str, scope: &Scope, attached: bool) -> Result<(), UrdfError> {
         let (source, tag) = (&scope.source, e.tag.as_str());
         let kind = if KINDS.contains(&section) { section } else { tag };
         let kind = if kind == "freejoint" { "joint" } else { kind };
-        // A model attached as a whole brings its sections, whose references may be missing.
+        // An attached model brings all its sections; references in them may be missing.
         let part = attached && section != "body";
         let stem = || e.word("file").filter(|_| ASSETS.contains(&tag)).and_then(|file| Path::new(file).file_stem()?.to_str());
         match e.word("name").or_else(stem) {
@@ -92,7 +92,7 @@ impl Names {
                 Value::Named("class") if source.classes.has(text) => {}
                 Value::Named("class") => return Err(e.refused(format!("there is no default class `{}`", brief(text)))),
                 Value::Named(kind) if !part && !text.is_empty() => {
-                    // Another attribute gives the kind.
+                    // Another attribute names the kind.
                     let kind = if kind.ends_with("type") { e.text(kind).unwrap_or_default() } else { kind };
                     let kind = if kind == "xbody" { "body" } else { kind };
                     self.ask(e, [kind, text, key], scope);

@@ -1,31 +1,31 @@
-//! Options of an MJCF that affect its robot's motion.
+//! Options of an MJCF that affect the robot's motion.
 
 use super::element::Element;
 use super::geom::soften;
 use crate::internal::*;
 use crate::scene::Softness;
 
-/// Parts of MuJoCo that a file may switch off; these affect a robot.
+/// Features of MuJoCo that a file may disable and that affect a robot.
 const FLAGS: [&str; 9] = ["contact", "limit", "frictionloss", "equality", "spring", "damper", "actuation", "constraint", "gravity"];
 
 #[derive(Debug)]
 pub(super) struct Options {
     pub gravity: [f64; 3],
-    /// Time of a step (s).
+    /// Time step (s).
     pub step: f64,
-    /// Which [`FLAGS`] are off.
+    /// The [`FLAGS`] that are disabled.
     off: Vec<&'static str>,
-    /// Properties that override all contacts', if the file sets them.
+    /// Parameters that override all contacts, if the file sets them.
     pub contact: Option<Contact>,
-    /// Whether a body touches its parent.
+    /// Whether a body collides with its parent.
     pub parents: bool,
     pub elliptic: bool,
     pub impratio: f64,
-    /// Groups of actuators that are off.
+    /// Groups of disabled actuators.
     pub groups: Vec<f64>,
 }
 
-/// Properties of all contacts.
+/// Parameters that override every contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
     pub margin: f64,
@@ -49,7 +49,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// From all `<option>` elements of a file; later ones override.
+    /// Reads all `<option>` elements of a file; later ones override.
     pub fn read(root: &Element) -> Result<Self, UrdfError> {
         let mut own = Self::default();
         let mut contact = Contact { margin: 0.0, softness: Softness::default(), friction: [1.0, 1.0, 0.005, 0.0001, 0.0001] };

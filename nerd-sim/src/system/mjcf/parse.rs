@@ -1,4 +1,4 @@
-//! The text of an MJCF file as elements, with the files that it includes in their places.
+//! Parses the text of an MJCF into elements, with included files in place.
 
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -10,13 +10,13 @@ use crate::files::nested;
 use crate::files::read_text;
 use crate::internal::*;
 
-/// Elements may be nested this deep, and files included.
+/// Maximum nesting of elements, and of included files.
 const DEEPEST: usize = 128;
 const INCLUDES: usize = 16;
-/// Longest text, included files counted (bytes).
+/// Maximum length of the text including included files (bytes).
 const LARGEST: usize = 1 << 26;
 
-/// Whether a text is MJCF: its first element is `<mujoco>`.
+/// Whether a text is MJCF, with `<mujoco>` as first element.
 pub fn is_mjcf(text: &str) -> bool {
     let mut rest = text;
     while let Some(start) = rest.find('<') {
@@ -36,25 +36,26 @@ pub fn is_mjcf(text: &str) -> bool {
     false
 }
 
-/// The text before an end tag at a place, if there is one: MuJoCo stops reading at an end tag behind its root, as files closed twice have it.
+/// The text before a stray end tag at position `at`, if there is one. MuJoCo stops reading at an end tag after the root
+/// element, so files with a doubled end tag are valid there.
 fn until_stray_end(text: &str, at: TextPos) -> Option<&str> {
     let line: usize = text.split_inclusive('\n').take(at.row.saturating_sub(1) as usize).map(str::len).sum();
     let column = text[line..].char_indices().nth(at.col.saturating_sub(1) as usize)?.0;
     text[line + column..].starts_with("</").then(|| &text[..line + column])
 }
 
-/// Reads files into elements.
+/// Parses files into elements.
 pub(super) struct Parser<'a> {
-    /// Folder of the main file, in which included files are looked for first.
+    /// Folder of the main file; included files are searched there first.
     pub folder: &'a Path,
-    /// Length of all texts (bytes).
+    /// Total length of all text so far (bytes).
     pub length: usize,
-    /// Files that were included.
+    /// Files included so far.
     pub seen: HashSet<PathBuf>,
 }
 
 impl Parser<'_> {
-    /// The root of a text; `file` is its name if another file includes it, at `depth`.
+    /// Root element of a text; `file` is its name if it is included, at nesting `depth`.
     pub fn parse(&mut self, text: &str, file: Option<&str>, folder: &Path, depth: usize) -> Result<Element, UrdfError> {
         let wrong = |reason: String| {
             let file = file.map_or_else(String::new, |file| format!("{file}: "));
@@ -75,7 +76,7 @@ impl Parser<'_> {
         self.element(&document.root_element(), &place, &ends, depth)
     }
 
-    /// `ends` are the positions at which lines end.
+    /// `ends` are the positions of line ends in the text.
     fn element(&mut self, node: &Node, at: &Place, ends: &[usize], depth: usize) -> Result<Element, UrdfError> {
         let start = node.range().start;
         let place = Place { line: 1 + ends.partition_point(|end| *end < start) as u32, ..at.clone() };
@@ -88,13 +89,13 @@ impl Parser<'_> {
         Ok(own)
     }
 
-    /// The children of the root of an included file.
+    /// Children of the root of an included file.
     fn included(&mut self, include: &Element, depth: usize) -> Result<Vec<Element>, UrdfError> {
         let name = include.word("file").ok_or_else(|| include.refused("it names no file"))?;
         if depth == INCLUDES {
             return Err(include.refused("files that include each other"));
         }
-        // First beside the main file, then beside the file that includes it.
+        // First relative to the main file, then relative to the including file.
         let paths = [self.folder, &include.place.folder].map(|folder| folder.join(name));
         let path = paths.iter().find(|path| path.is_file()).unwrap_or(&paths[0]);
         if !self.seen.insert(std::fs::canonicalize(path).unwrap_or_else(|_| path.clone())) {

@@ -4,15 +4,15 @@ use crate::internal::*;
 
 #[derive(Clone, Debug)]
 pub(super) struct Placement {
-    /// The element's frame, in the body's frame.
+    /// Frame of the element in the body's frame.
     pub frame: Isometry3<f64>,
-    /// Prefix and suffix of its name.
+    /// Prefix and suffix of names.
     pub prefix: String,
     pub suffix: String,
 }
 
 impl Placement {
-    /// A name in the model.
+    /// `own` with prefix and suffix: its name in the model.
     pub fn name(&self, own: &str) -> String {
         format!("{}{own}{}", self.prefix, self.suffix)
     }

@@ -1,4 +1,4 @@
-//! An MJCF's elements as a model.
+//! Reads the elements of an MJCF into a model.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -19,32 +19,32 @@ use super::source::Source;
 use super::texture;
 use crate::internal::*;
 
-/// Attributes by which a tendon exerts forces on its joints.
+/// Attributes that let a tendon exert forces on its joints.
 const ACTS: [&str; 7] = ["stiffness", "damping", "frictionloss", "armature", "range", "limited", "springyield"];
 
-/// Sections whose elements are objects.
+/// Sections with named objects.
 const NAMED: [&str; 9] = ["asset", "contact", "tendon", "equality", "actuator", "sensor", "custom", "keyframe", "deformable"];
 
-/// Reads one model, with those that are attached to it.
+/// Reads a model with all models attached to it.
 #[derive(Default)]
 pub(super) struct Reader {
     pub model: Model,
     pub names: Names,
-    /// Copies made so far, and models attached inside of each other.
+    /// Replicas made so far, and nesting of attached models.
     pub copies: usize,
     pub depth: usize,
-    /// Names of the copies of a joint.
+    /// Names of the replicas of each joint.
     pub copied: HashMap<String, Vec<String>>,
 }
 
-/// The root of a text, checked against the schema.
+/// Root element of a text, checked against the schema.
 pub(super) fn root(text: &str, file: Option<&str>, folder: &Path) -> Result<Element, UrdfError> {
     let root = Parser { folder, length: 0, seen: HashSet::new() }.parse(text, file, folder, 0)?;
     check(&root).map(|()| root)
 }
 
 impl Model {
-    /// From the text of a file in `folder`.
+    /// Reads the text of a file in `folder`.
     pub fn read(text: &str, folder: &Path) -> Result<Self, UrdfError> {
         let root = root(text, None, folder)?;
         let source = Arc::new(Source::read(&root, folder)?);
@@ -69,7 +69,7 @@ impl Model {
 }
 
 impl Reader {
-    /// Everything but bodies: meshes, actuators, couplings, contacts, poses; names are extended by the scope.
+    /// Reads everything but bodies: meshes, actuators, couplings, contacts, keyframes. The scope adds affixes to names.
     pub fn sections(&mut self, root: &Element, scope: &Scope) -> Result<(), UrdfError> {
         self.model.meshes.extend(meshes(root, scope)?);
         self.model.fields.extend(fields(root, scope)?);
@@ -106,7 +106,7 @@ impl Reader {
         Ok(())
     }
 
-    /// Reads a fixed tendon; refuses one that exerts forces itself.
+    /// Reads a fixed tendon; refuses a tendon that exerts forces itself.
     fn tendon(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
         let says =
             |key: &&&str| e.text(key).is_some_and(|value| value != "false" && value.split_whitespace().any(|x| x.parse() != Ok(0.0)));
@@ -183,7 +183,7 @@ impl Reader {
             return Ok(());
         };
         let joint = Some(joint).map(|name| scope.at.name(&name)).unwrap_or_default();
-        // A copied joint has copies of its actuators.
+        // A replicated joint gets replicas of its actuators.
         for joint in self.copied.get(&joint).cloned().unwrap_or_else(|| vec![joint]) {
             actuator.joint = Some(joint);
             self.model.actuators.push((actuator.clone(), e.clone()));
@@ -192,7 +192,7 @@ impl Reader {
     }
 }
 
-/// The names of two objects.
+/// The names of two referenced objects.
 fn both(e: &Element, keys: [&str; 2], scope: &Scope) -> Result<[String; 2], UrdfError> {
     let [one, other] = keys.map(|key| e.word(key).map(|name| if name == "world" { name.into() } else { scope.at.name(name) }));
     one.zip(other).map(|(a, b)| [a, b]).ok_or_else(|| e.refused(format!("it needs {} and {}", keys[0], keys[1])))

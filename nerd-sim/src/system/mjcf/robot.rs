@@ -1,4 +1,4 @@
-//! The bodies of a model as links and joints; a body with several joints becomes a chain of massless links.
+//! Converts the bodies of a model to links and joints; a body with several joints becomes a chain of massless links.
 
 use nalgebra::Unit;
 use nerd_core::robot::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, FreeRoot};
@@ -10,11 +10,11 @@ use super::shapes::Shapes;
 use super::tree::Tree;
 use crate::internal::*;
 
-/// Largest damping of a free root, over its least inertia (1/s): the initial relative loss of velocity per second.
+/// Largest ratio of damping to least inertia of a free root (1/s): the initial rate of relative velocity loss.
 const STIFF: f64 = 50.0;
 
 impl Tree<'_> {
-    /// The bodies and joints of the robot.
+    /// Bodies and joints of the robot.
     pub fn bodies(&self, shapes: &mut Shapes) -> Result<Bodies, UrdfError> {
         let model = self.model;
         let inertias = inertias(self)?;
@@ -22,7 +22,7 @@ impl Tree<'_> {
         let on = |flag: &str, x: f64| if model.options.is_off(flag) { 0.0 } else { x };
         let free = free.map(|joint| FreeRoot { armature: joint.armature, damping: on("damper", joint.damping[0]) });
         let mut made = Bodies { name: model.name.clone(), free: free.unwrap_or_default(), ..Bodies::default() };
-        // By body of the model, the resulting body of the robot, and its frame there.
+        // For each body of the model, the corresponding body of the robot, and the model body's frame in it.
         let mut places: Vec<Option<(usize, Isometry3<f64>)>> = vec![None; model.bodies.len()];
         let mut soft: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for (id, body) in model.bodies.iter().enumerate().filter(|(id, _)| self.ours(*id)) {
@@ -57,7 +57,7 @@ impl Tree<'_> {
             new.inertia = inertias[id].transformed(&frame.rotation.to_rotation_matrix(), &frame.translation.vector);
             (new.collisions, new.visuals) = shapes.of(self, id, &frame)?;
             if model.still(id) {
-                // Static bodies touch as a part of the world.
+                // Static bodies collide as part of the world.
                 let seen = std::mem::take(&mut new.collisions);
                 new.visuals = if new.visuals.is_empty() { seen } else { std::mem::take(&mut new.visuals) };
             }
@@ -91,7 +91,7 @@ impl Tree<'_> {
         }
     }
 
-    /// A joint; `pose` is its frame in the parent body's frame, in the file's pose.
+    /// Converts a joint; `pose` is its frame in the parent body's frame, in the file's pose.
     fn joint(
         &self,
         joint: &Joint,

@@ -1,4 +1,4 @@
-//! The elements and attributes of MJCF, from MuJoCo's own schema: others are misspelt, and are refused.
+//! Elements and attributes of MJCF, from MuJoCo's schema; anything else is refused as misspelt.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -9,14 +9,14 @@ use crate::internal::*;
 
 /// An element of the schema.
 struct Known {
-    /// Allowed number of children: `?` at most once, `!` once, `*` any number.
+    /// Whether a parent has at most one such child (suffix `?` in the schema).
     once: bool,
     attributes: HashMap<&'static str, &'static Value>,
     choices: Vec<Choice>,
     children: HashMap<&'static str, usize>,
 }
 
-/// Alternatives of attributes: at most one is present (`a|b`), or exactly one (`a!`, `a|b!`); the attributes of one alternative come
+/// Alternative attributes: at most one is present (`a|b`), or exactly one (`a!`, `a|b!`). Attributes joined by `&` come
 /// together (`a&b`).
 struct Choice {
     needed: bool,
@@ -40,7 +40,7 @@ impl Choice {
             [keys] => {
                 let says = |key: &&&str| {
                     let text = e.text(key).unwrap_or_default();
-                    // An empty name has no effect, nor has an empty list.
+                    // An empty name or list has no effect.
                     let empty = match known.attributes.get(**key) {
                         Some(Value::Named(_)) => text.is_empty(),
                         Some(Value::Numbers { .. }) => self.needed && text.trim().is_empty(),
@@ -68,7 +68,7 @@ impl Choice {
     }
 }
 
-/// A line an element, children indented below it; the first one is the root.
+/// Each line is an element, with its children indented below; the first line is the root.
 static SCHEMA: LazyLock<Vec<Known>> = LazyLock::new(|| {
     let (mut all, mut path) = (Vec::<Known>::new(), Vec::<usize>::new());
     for line in include_str!("schema.txt").lines() {
@@ -89,7 +89,7 @@ static SCHEMA: LazyLock<Vec<Known>> = LazyLock::new(|| {
             choices: words.into_iter().filter_map(Choice::read).collect(),
             children: HashMap::new(),
         });
-        // Bodies nest, and default classes.
+        // Bodies, frames, replicas and default classes nest.
         let own = all.len() - 1;
         if ["body", "default", "frame", "replicate"].contains(&tag) {
             all[own].children.insert(tag, own);
@@ -98,7 +98,8 @@ static SCHEMA: LazyLock<Vec<Known>> = LazyLock::new(|| {
     all
 });
 
-/// Refuses unknown elements and attributes, attributes with wrong content or missing ones, and elements that occur more often than allowed.
+/// Refuses unknown elements and attributes, attributes with wrong content, missing attributes, and elements that occur
+/// more often than allowed.
 pub(super) fn check(root: &Element) -> Result<(), UrdfError> {
     let mut stack = vec![(root, 0)];
     while let Some((element, own)) = stack.pop() {
@@ -118,7 +119,7 @@ pub(super) fn check(root: &Element) -> Result<(), UrdfError> {
         let mut seen = Vec::new();
         for child in &element.children {
             let tag = child.tag.as_str();
-            // Children of a body may also be children of a frame in it.
+            // Children of a body may also be children of a frame in the body.
             let inside = if tag == "worldbody" { "body" } else { tag };
             let Some(next) = known.children.get(inside).or_else(|| within_body(&element.tag)?.children.get(inside)) else {
                 return Err(child.refused(format!("it is not known in <{}>", element.tag)));

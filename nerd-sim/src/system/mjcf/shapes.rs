@@ -1,4 +1,4 @@
-//! Geoms as solids: those that may touch something are collisions, the others are visual.
+//! Converts geoms to solids: collisions if they may collide, else visual.
 
 use nerd_core::robot::{Form, Solid};
 
@@ -7,20 +7,20 @@ use super::model::Model;
 use super::tree::Tree;
 use crate::internal::*;
 
-/// Directions in which an ellipsoid has vertices.
+/// Number of vertices of an ellipsoid's hull.
 const AROUND: usize = 400;
 
-/// The geoms that may touch, numbered. Geoms of a body with equal contact properties share a number, which indexes the properties.
+/// The geoms that may collide, by surface number. Geoms of a body with equal contact parameters share a number.
 pub(super) struct Shapes {
-    /// By number, the body and the indices of its geoms.
+    /// By number: the body and the indices of its geoms.
     pub touching: Vec<(usize, Vec<usize>)>,
-    /// By body and geom, the number.
+    /// By body and geom: the number.
     numbers: Vec<Vec<Option<usize>>>,
     pub notes: Vec<String>,
 }
 
 impl Shapes {
-    /// `touches` tells whether a body's geom may touch any other, `alike` whether two touch alike.
+    /// `touches`: whether a body's geom may collide; `alike`: whether two geoms of a body have the same contact laws.
     pub fn new(model: &Model, touches: impl Fn(usize, usize) -> bool, alike: impl Fn(usize, [usize; 2]) -> bool) -> Self {
         let mut own = Self { touching: Vec::new(), numbers: Vec::new(), notes: Vec::new() };
         for (id, body) in model.bodies.iter().enumerate() {
@@ -40,12 +40,12 @@ impl Shapes {
         own
     }
 
-    /// The number of a body's geom.
+    /// Surface number of a body's geom.
     pub fn number(&self, [id, k]: [usize; 2]) -> Option<usize> {
         self.numbers[id][k]
     }
 
-    /// Solids of a body that touch, and those that are drawn; `frame` is the body's in its link's.
+    /// Collision solids and visual solids of a body; `frame` is the body frame in its link.
     pub fn of(&mut self, tree: &Tree, id: usize, frame: &Isometry3<f64>) -> Result<(Vec<Solid>, Vec<Solid>), UrdfError> {
         let (mut collisions, mut visuals) = (Vec::new(), Vec::new());
         for (k, geom) in tree.model.bodies[id].geoms.iter().enumerate() {
@@ -63,7 +63,7 @@ impl Shapes {
     }
 }
 
-/// The form of a geom and its pose on the body; `None` for planes and fields.
+/// Form of a geom and its pose on the body; `None` for planes and height fields.
 pub(super) fn solid(geom: &Geom, model: &Model) -> Option<(Form, Isometry3<f64>)> {
     let [a, b, c] = geom.size;
     let shape = match geom.kind {

@@ -1,4 +1,4 @@
-//! Sites of an MJCF.
+//! Reads the sites of an MJCF.
 
 use super::compiler::{Compiler, between};
 use super::element::Element;
@@ -23,12 +23,12 @@ impl Default for Site {
 }
 
 impl Site {
-    /// Refuses sizes and ends that MuJoCo refuses.
+    /// Refuses sizes and segments that MuJoCo refuses.
     pub fn check(&self, e: &Element) -> Result<(), UrdfError> {
         sized(e, self.kind, &self.size, false, self.fromto.as_ref().map(|ends| (ends, &self.pose)))
     }
 
-    /// Applies a site element's attributes.
+    /// Applies the attributes of a site element.
     pub fn apply(&mut self, e: &Element, compiler: &Compiler) -> Result<(), UrdfError> {
         self.name = e.word("name").map(String::from);
         self.kind = e.one_of("type", &TYPES).unwrap_or(self.kind);
@@ -37,7 +37,7 @@ impl Site {
         compiler.pose(e, &mut self.pose)
     }
 
-    /// Moves it to its element's frame on its body.
+    /// Moves the site into its body's frame, and adds the affixes to its name.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.pose = at.frame * self.fromto.take().map_or(self.pose, |ends| between(&ends).0);

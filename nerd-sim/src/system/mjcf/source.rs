@@ -1,4 +1,4 @@
-//! One file's settings: its compiler, default classes and models to attach.
+//! Settings of a file: compiler, default classes and models to attach.
 
 use std::collections::HashMap;
 
@@ -7,13 +7,13 @@ use super::compiler::Compiler;
 use super::element::Element;
 use crate::internal::*;
 
-/// One file with its compiler's settings and default classes.
+/// A file with its compiler settings and default classes.
 pub(super) struct Source {
     pub compiler: Compiler,
     pub classes: Classes,
     /// Folder of the main file.
     pub folder: PathBuf,
-    /// Number of user values that objects may have, by kind, if the file sets it.
+    /// Number of user values allowed per kind of object, where the file sets it.
     pub users: HashMap<String, usize>,
     /// Models that may be attached.
     pub models: Vec<Element>,
@@ -33,7 +33,7 @@ impl Source {
         Ok(Self { users: users.collect(), compiler, classes, folder: folder.into(), models })
     }
 
-    /// The file of an asset: in the folder of meshes, or else beside the included file that names it.
+    /// Path of an asset's file: in the folder of meshes, else relative to the included file.
     pub fn asset(&self, e: &Element) -> Option<PathBuf> {
         let file = e.word("file")?.replace('\\', "/");
         let file = if self.compiler.strip { file.rsplit('/').next().unwrap_or_default().to_string() } else { file };

@@ -1,4 +1,4 @@
-//! Static objects in the world of an MJCF that may touch its robot.
+//! Static objects in the world of an MJCF that may collide with the robot.
 
 use nerd_core::robot::Solid;
 
@@ -8,12 +8,12 @@ use super::tree::Tree;
 use crate::internal::*;
 use crate::scene::Field;
 
-/// A static object of the world.
+/// A static object in the world.
 #[derive(Clone, Debug)]
 pub(crate) enum Static {
-    /// A plane, with the number of its geom.
+    /// A plane, with the surface number of its geom.
     Plane { plane: Plane, surface: Option<usize> },
-    /// A height field, with the number of its geom.
+    /// A height field, with the surface number of its geom.
     Field { field: Field, pose: Isometry3<f64>, surface: Option<usize> },
     /// A solid in world axes.
     Solid(Solid),

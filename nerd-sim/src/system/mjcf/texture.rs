@@ -1,10 +1,10 @@
-//! Textures of an MJCF: visual, and checked only as MuJoCo's compiler checks them.
+//! Textures of an MJCF: visual only, checked as MuJoCo's compiler does.
 
 use super::element::Element;
 use super::scope::Scope;
 use crate::internal::*;
 
-/// Refuses a texture that has neither files nor a pattern with its size.
+/// Refuses a texture with neither files nor a pattern with a size.
 pub(super) fn check(e: &Element, scope: &Scope) -> Result<(), UrdfError> {
     let class = scope.source.classes.of(e, None)?;
     let own = |key: &str| e.text(key).or_else(|| class.names.get(&(e.tag.clone(), key.into())).map(String::as_str));

@@ -1,4 +1,4 @@
-//! A model's bodies and joints by name, and which of them belong to the robot.
+//! Names of bodies and joints, and the selection of bodies that belong to the robot.
 
 use std::collections::{HashMap, HashSet};
 
@@ -7,17 +7,17 @@ use super::joint::{Joint, Kind};
 use super::model::{Body, Model};
 use crate::internal::*;
 
-/// The combined effect of a joint's actuators.
+/// Combined parameters of a joint's actuators.
 #[derive(Clone, Debug)]
 pub(super) struct Motor {
     /// Stiffness and damping of a position or velocity law.
     pub kp: f64,
     pub kd: f64,
-    /// Gains whose damping is given as a ratio: stiffness and ratio.
+    /// Stiffness and damping ratio of each actuator with damping given as a ratio.
     pub ratios: Vec<[f64; 2]>,
-    /// Largest torque (N m) or force (N); infinite where nothing bounds it.
+    /// Torque limit (N m) or force limit (N); infinite without bounds.
     pub effort: f64,
-    /// Inertia and damping that they add to the joint.
+    /// Inertia and damping that the actuators add to the joint.
     pub armature: f64,
     pub damping: f64,
 }
@@ -36,16 +36,16 @@ pub(super) struct Follower {
     pub offset: f64,
 }
 
-/// A model's bodies by name, and which of them belong to the robot.
+/// A model with names for all bodies and joints.
 pub(super) struct Tree<'a> {
     pub model: &'a Model,
     /// The body with a free joint.
     pub free: Option<usize>,
     pub motors: HashMap<String, Motor>,
     pub follow: HashMap<String, Follower>,
-    /// Names of links, by body.
+    /// Link name of each body.
     pub links: Vec<String>,
-    /// Names of hinges and slides, by body.
+    /// Names of each body's joints.
     pub joints: Vec<Vec<String>>,
 }
 
@@ -70,7 +70,7 @@ impl<'a> Tree<'a> {
         tree.one_robot().map(|()| tree)
     }
 
-    /// Refuses joints that are not supported, and a second robot beside one that is free.
+    /// Refuses unsupported joints, and a second robot in addition to a free one.
     fn one_robot(&self) -> Result<(), UrdfError> {
         for (id, body) in self.model.bodies.iter().enumerate() {
             let wrong = |reason: &str| Err(body.element.refused(reason));
@@ -78,7 +78,10 @@ impl<'a> Tree<'a> {
                 return wrong("planes and height fields stand in the world; this body moves");
             }
             for joint in &body.joints {
-                if joint.lifts && joint.most(&body.source.compiler).is_finite() && self.model.bodies.iter().any(|b| b.weightless != 0.0) {
+                if joint.lifts
+                    && joint.torque_limit(&body.source.compiler).is_finite()
+                    && self.model.bodies.iter().any(|b| b.weightless != 0.0)
+                {
                     return wrong("actuatorgravcomp under actuatorfrcrange is not supported; leave one of the two out");
                 }
                 match joint.kind {
@@ -103,12 +106,12 @@ impl<'a> Tree<'a> {
         Ok(())
     }
 
-    /// Whether a body belongs to the robot; a static body belongs to one that is bolted to it.
+    /// Whether a body belongs to the robot. Static bodies do if the base is fixed.
     pub fn ours(&self, id: usize) -> bool {
         self.free.is_none() || !self.model.still(id)
     }
 
-    /// Hinges and slides in the order of their coordinates: name, body.
+    /// Hinges and slides in the order of their coordinates: name, joint, body.
     pub fn all_joints(&self) -> impl Iterator<Item = (&String, &'a Joint, usize)> {
         let model = self.model;
         let all = self.joints.iter().zip(&model.bodies).enumerate();
@@ -116,7 +119,7 @@ impl<'a> Tree<'a> {
         all.filter(|(_, joint, _)| matches!(joint.kind, Kind::Hinge | Kind::Slide))
     }
 
-    /// The limits of a joint.
+    /// The limits of a joint; `None` without limits, or with limits disabled.
     pub fn limits(&self, joint: &Joint, body: usize) -> Option<[f64; 2]> {
         let off = self.model.options.is_off("limit") || self.model.options.is_off("constraint");
         joint.limits(&self.model.bodies[body].source.compiler).filter(|_| !off)

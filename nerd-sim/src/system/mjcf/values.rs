@@ -1,4 +1,4 @@
-//! Types of MJCF's attributes, from MuJoCo's own schema: numbers and their counts, words, names of objects.
+//! Types of MJCF attributes, from MuJoCo's schema: numbers and their counts, words, names of objects.
 
 use std::collections::HashMap;
 use std::sync::LazyLock;
@@ -11,9 +11,9 @@ pub(super) enum Value {
     Text,
     /// A nonempty text.
     Filled,
-    /// A number of bytes, as `4M`.
+    /// A number of bytes, such as `4M`.
     Bytes,
-    /// The name of an object of this kind, or of the kind given by this attribute of the same element.
+    /// Name of an object of this kind. A kind that ends in `type` names the attribute with the kind.
     Named(&'static str),
     Numbers {
         kind: Number,
@@ -21,20 +21,20 @@ pub(super) enum Value {
         most: usize,
         bound: Option<(&'static str, f64)>,
     },
-    /// One of these words, or some, or some in this order.
+    /// Words: exactly one of these, several, or several in this order.
     Words(&'static str, Vec<&'static str>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Number {
     Real,
-    /// Of single precision.
+    /// Single precision.
     Single,
-    /// A whole number of 32 bits.
+    /// A 32-bit integer.
     Whole,
 }
 
-/// By attribute, or `element.attribute`, or `element.*`.
+/// Types by `element.attribute`, `element.*` or attribute.
 static VALUES: LazyLock<HashMap<&str, &Value>> = LazyLock::new(|| {
     let lines = include_str!("attributes.txt").lines().filter_map(|line| line.split_once(": "));
     let line = |(value, keys): (&'static str, &'static str)| {
@@ -44,14 +44,14 @@ static VALUES: LazyLock<HashMap<&str, &Value>> = LazyLock::new(|| {
     lines.flat_map(line).collect()
 });
 
-/// The type of an element's attribute.
+/// Type of an element's attribute.
 pub(super) fn value_of(tag: &str, key: &str) -> &'static Value {
     let all = &*VALUES;
     all.get(&*format!("{tag}.{key}")).or_else(|| all.get(&*format!("{tag}.*"))).or_else(|| all.get(key)).copied().unwrap_or(&Value::Text)
 }
 
 impl Value {
-    /// `real 1-3`, `whole 1 >0`, `word true|false`, `named joint`.
+    /// Parses `real 1-3`, `whole 1 >0`, `word true|false`, `named joint`.
     fn read(text: &'static str) -> Self {
         let mut words = text.split(' ');
         let mut next = || words.next().unwrap_or_default();
@@ -76,7 +76,7 @@ impl Value {
         }
     }
 
-    /// Refuses an attribute whose text has another type.
+    /// Refuses an attribute with text of another type.
     pub fn check(&self, e: &Element, key: &str, text: &str) -> Result<(), UrdfError> {
         let refused = |why: String| Err(e.refused(format!("{key}=\"{}\"{why}", brief(text))));
         match self {

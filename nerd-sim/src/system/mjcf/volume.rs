@@ -1,4 +1,4 @@
-//! Mass properties of a mesh.
+//! Mass properties of triangle meshes.
 
 use nerd_core::spatial::parallel_axis;
 
@@ -7,17 +7,17 @@ use crate::internal::*;
 /// The part of a mesh that has mass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MassOf {
-    /// The pyramids between its faces and its centre, all counted as positive.
+    /// Pyramids between the faces and the mesh's centre, all with positive volume.
     Pyramids,
     /// The enclosed volume.
     Volume,
-    /// The volume of its convex hull.
+    /// The volume of the convex hull.
     Hull,
-    /// Its faces.
+    /// The faces.
     Surface,
 }
 
-/// Properties at a density of 1 kg/m^3, or 1 kg/m^2 for a surface; `None` without mass.
+/// Mass properties at a density of 1 kg/m^3, or for a surface 1 kg/m^2; `None` without mass.
 pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: MassOf) -> Option<BodyInertia> {
     let hull;
     let (vertices, faces) = if of == MassOf::Hull || faces.is_empty() {
@@ -40,16 +40,17 @@ pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: Mass
             let volume = a.dot(&b.cross(&c)) / 6.0;
             (if of == MassOf::Pyramids { volume.abs() } else { volume }, true)
         };
-        // About the mean of its face centres, then about the resulting centre of mass.
+        // First about the area-weighted mean of face centres, then about the resulting centre of mass.
         let first = sum(triangles(), &middle, signed)?;
-        // The pyramids' own centre may differ from it, which MuJoCo ignores.
+        // The centre of mass of the second pass may differ from the first; MuJoCo ignores this.
         let moved = |second: &BodyInertia| parallel_axis(second.mass, &(second.com - first.com));
         sum(triangles(), &first.com, signed).map(|own| BodyInertia { com: first.com, inertia: own.inertia + moved(&own), ..own })
     };
     found.filter(|own| own.mass > 1e-14 && own.mass.is_finite())
 }
 
-/// Sum over triangles seen from `from`: each contributes itself, or the pyramid on it (`true`).
+/// Sum over triangles about `from`. Each contributes a mass: the triangle's, or the mass of the pyramid between
+/// triangle and `from` (`true`).
 fn sum(
     triangles: impl Iterator<Item = [Vector3<f64>; 3]>,
     from: &Vector3<f64>,
@@ -61,8 +62,8 @@ fn sum(
         let (own, pyramid) = mass_of(corners);
         let total: Vector3<f64> = corners.iter().sum();
         let squares: Matrix3<f64> = corners.iter().map(|v| v * v.transpose()).sum();
-        // Moments of a triangle of corners v: sum v / 3 and (sum v v^T + sum v (sum v)^T) / 12; of the pyramid between it and the origin
-        // 3/4 and 3/5 of these.
+        // Moments of a triangle with corners v: first `sum v / 3`, second `(sum v v^T + sum v (sum v)^T) / 12`. For the
+        // pyramid between triangle and origin, 3/4 and 3/5 of these.
         let shares = if pyramid { [0.75, 0.6] } else { [1.0, 1.0] };
         mass += own;
         first += total * (own * shares[0] / 3.0);

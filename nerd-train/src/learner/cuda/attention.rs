@@ -1,12 +1,12 @@
-//! Attention on the device: its shape, and how its kernels are launched.
+//! Attention on the GPU: shape, constants and launches of its kernels.
 
 use super::*;
 
-/// Shared memory (bytes) that every device gives without asking, of which two blocks are to fit; and what devices since capability 8 give
-/// one that asks.
+/// Shared memory of a block (bytes) without opt-in, and with opt-in from compute capability 8. Two blocks should fit in
+/// the first.
 const SHARED: usize = 48 << 10;
 const ASKED: usize = 99 << 10;
-/// Most tokens of a sequence: a block has a thread for each.
+/// Most tokens of a sequence: a block has one thread per token.
 const TOKENS: usize = 128;
 
 /// Shape of all attentions of a program.
@@ -14,9 +14,9 @@ const TOKENS: usize = 128;
 pub(super) struct Attention {
     pub width: usize,
     pub heads: usize,
-    /// Most keys that a query meets.
+    /// Most keys per query.
     pub seen: usize,
-    /// Whether those are a band, and queries and keys turned.
+    /// Whether attention is banded, with rotary positions.
     rotary: bool,
     tokens: usize,
     group: usize,
@@ -46,7 +46,7 @@ impl Attention {
         format!("constexpr int E = {width}, H = {heads}, B = {seen}, G = {group};\nconstexpr bool ROTARY = {rotary};")
     }
 
-    /// Shared bytes forward (q|k|v) and backward (those, output gradient, probabilities and their gradients).
+    /// Shared bytes, forward (q|k|v) and backward (q|k|v, output gradient, probabilities and their gradients).
     fn shared(&self) -> (usize, usize) {
         let Self { width, heads, seen, tokens: t, group, .. } = self;
         let columns = group * width / heads;
@@ -54,7 +54,7 @@ impl Attention {
         (forward, forward + 4 * (t * (columns + 4) + 2 * group * t * seen))
     }
 
-    /// Cosine and sine of each pair at each place, `[places][d / 2][2]`; nothing where nothing is turned.
+    /// Cosine and sine by position and pair, `[places][d / 2][2]`; empty without rotary positions.
     pub fn rotations(&self, frequencies: &[f64]) -> Vec<[f32; 2]> {
         let places = if self.rotary { self.tokens.max(self.seen) } else { 0 };
         let rotation = |place: usize| frequencies.iter().map(move |f| (place as f64 * f).sin_cos());
@@ -71,13 +71,13 @@ impl Attention {
         d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(rotations)])
     }
 
-    /// The gradient of `qkv` from the gradient of the mixed values.
-    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, slope: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
+    /// Gradient of `qkv` from the gradient `gradient` of the output.
+    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, gradient: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(slope), Ptr(out), Ptr(rotations)])
+        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(gradient), Ptr(out), Ptr(rotations)])
     }
 
-    /// Mixed values of a token of each of `rows` environments, by their rings of keys and values.
+    /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
     pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> Result<(), DeviceError> {
         let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(rotations), Int(rows)];
         d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)

@@ -1,9 +1,9 @@
-//! The backward pass over a program's parts.
+//! Backward pass over the parts of a plan.
 //!
-//! Gradients of matrices run on the side stream while the main one continues. So an upstream gradient is never overwritten in place: the
-//! next one goes to another buffer, and its own is reused once the side stream has read it. The gradient of a matrix that adds to a slot
-//! is launched with the kernel of the next one: beside the product that follows it, both would take longer (2 to 4 % of large updates on an
-//! H100).
+//! Weight gradients run on the side stream while the main stream continues. So the input gradient goes to another
+//! buffer. A buffer is reused only once the side stream has read it. The weight gradient of an accumulating product
+//! (`add`) waits for the next weight gradient: beside the next product, both would take longer (2 to 4 % of large
+//! updates on an H100).
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -14,17 +14,17 @@ use super::network::BackwardMemory;
 use super::passes::{Size, activation_kernels};
 use super::*;
 
-/// Buffers of one length that are enough for both streams to go on.
+/// From this many buffers of one length on, wait for a busy one instead of allocating.
 const SOME: usize = 3;
 
-/// Gradients by a slot's rows, and which of the buffers has them, if one.
+/// Gradient with respect to a slot: address, and its number in [`BackwardMemory`], unless the memory is the caller's.
 #[derive(Clone, Copy)]
 struct Slope {
     at: u64,
     buffer: Option<usize>,
 }
 
-/// The gradient of a matrix: rows that it read, how far they are apart, their gradient, and where it goes.
+/// A weight gradient `x^T dy`: input rows and their stride, upstream gradient, destination, sizes.
 struct Gradient {
     x: (u64, usize),
     dy: Slope,
@@ -35,23 +35,26 @@ struct Gradient {
 struct Walk<'a> {
     net: &'a Network,
     back: &'a BackwardMemory,
-    /// The first of the rows, and how many.
+    /// First window of the pass, and number of windows.
     first: usize,
     rows: usize,
-    /// Where gradients by parameters go, if they are asked for.
+    /// Destination of the parameter gradients, if wanted.
     to: Option<u64>,
+    /// Gradient by slot, once a reader has contributed.
     slopes: Vec<Option<Slope>>,
+    /// Free buffers, the one that was freed first in front.
     free: VecDeque<usize>,
-    /// By buffer, whether the side stream reads it.
+    /// By buffer, whether the side stream still reads it.
     read: Vec<bool>,
-    /// For the side stream.
+    /// Weight gradients to launch on the side stream.
     waiting: Vec<Gradient>,
 }
 
 impl Network {
-    /// From the gradient by the predictions in `targets`, after [`Network::forward`] of at least these rows, to those by the parameters at `w`
-    /// and by tokens `[rows][T][inputs]`, if they are to go somewhere. What no step reads keeps the gradient that it has. Rows that are not
-    /// the first begin where four numbers of every slot do.
+    /// Backpropagates the gradient of the predictions, in `targets`, over the windows `rows` of the last
+    /// [`Network::forward`]. Writes gradients of the parameters at `w` to `to`, and of the tokens, `[rows][T][inputs]`,
+    /// to `by_tokens`, where given. Parameters that no step reads keep their old gradient. The first row must lie at a
+    /// multiple of four floats in every slot.
     pub fn backward(&self, w: u64, to: Option<u64>, rows: Range<usize>, by_tokens: Option<u64>) -> Result<(), DeviceError> {
         let Some(back) = &self.back else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let buffers = back.buffers.borrow().len();
@@ -73,7 +76,7 @@ impl Network {
 }
 
 impl Walk<'_> {
-    /// Address of a slot's values in the first of the rows.
+    /// Address of a slot's values in the first window of the pass.
     fn at(&self, slot: Slot) -> u64 {
         self.net.at(slot) + 4 * (self.first * self.net.plan.tokens * self.net.plan.width(slot)) as u64
     }
@@ -126,7 +129,7 @@ impl Walk<'_> {
                 Some(Part::Shift { bias: Some(bias), fused: true, .. }) => net.tensor(w, bias),
                 _ => 0,
             };
-            // Its upstream gradient is not read.
+            // The gradient is overwritten in place.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
             let args = [Ptr(self.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
@@ -161,13 +164,13 @@ impl Walk<'_> {
         Ok(())
     }
 
-    /// `dW = x^T dy`, once it is given.
+    /// Queues `dW = x^T dy` until [`Walk::give`].
     fn gradient(&mut self, gradient: Gradient) {
         gradient.dy.buffer.into_iter().for_each(|buffer| self.read[buffer] = true);
         self.waiting.push(gradient);
     }
 
-    /// Launches gradients on the side stream, after the main stream's work so far.
+    /// Launches the queued weight gradients on the side stream, after the main stream's work so far.
     fn give(&mut self) -> Result<(), DeviceError> {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
@@ -188,7 +191,7 @@ impl Walk<'_> {
         self.net.device.product(Lane::Main, ops, (inner, rows, columns), (w, columns), (dy.at, columns), beta, (dx.at, inner))
     }
 
-    /// The gradient of a slot whose readers are all done.
+    /// The gradient of a slot, summed over all its readers.
     fn slope(&self, slot: Slot) -> Result<Slope, DeviceError> {
         self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
     }
@@ -197,7 +200,8 @@ impl Walk<'_> {
         self.free.extend(self.slopes[slot.0].take().and_then(|slope| slope.buffer));
     }
 
-    /// A buffer for a slot's gradient: one that nobody reads, or a new one, or where there are some already the one that is free for longest.
+    /// A buffer for a slot's gradient: a free buffer that the side stream does not read, or else a new one. From
+    /// [`SOME`] buffers on, the one that has been free longest.
     fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
         let len = (self.rows * self.net.plan.tokens * self.net.plan.width(slot)).next_multiple_of(4);
         let mut buffers = self.back.buffers.borrow_mut();
@@ -220,7 +224,7 @@ impl Walk<'_> {
         Ok(slope)
     }
 
-    /// Waits, before a gradient is written, for the side stream to have read what was there.
+    /// Before a buffer is overwritten, makes the main stream wait until the side stream has read it.
     fn settle(&mut self, slope: Slope) -> Result<(), DeviceError> {
         let Some(buffer) = slope.buffer.filter(|buffer| std::mem::take(&mut self.read[*buffer])) else { return Ok(()) };
         if !self.waiting.is_empty() {

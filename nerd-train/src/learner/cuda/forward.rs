@@ -1,15 +1,15 @@
-//! [`CudaForward`]: predictions of given weights for many windows at once.
+//! [`CudaForward`]: predictions of fixed weights for many windows at once.
 
 use nerd_model::transformer::Forward;
 
 use super::*;
 
-/// Numbers of windows that passes are captured for.
+/// Most sizes of a pass with a captured graph.
 const SIZES: usize = 8;
 
-/// Inference on this process's GPU.
+/// Inference on windows, on the GPU.
 pub struct CudaForward {
-    /// By how many windows: a few sizes, since the number asked for may change every frame.
+    /// Graphs by number of windows. The number is rounded up to a few sizes, since it may change every frame.
     passes: Replay<usize>,
     network: Network,
     weights: Buffer<f32>,
@@ -17,11 +17,11 @@ pub struct CudaForward {
 }
 
 impl CudaForward {
-    /// Copies `weights` to the device, with memory for `max_windows` windows.
+    /// Uploads `weights` and allocates memory for `max_windows` windows.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if the kernels do not cover the network's shape, [`LearnError::Device`] if there is
-    /// no GPU, a library is missing or memory runs out.
+    /// [`LearnError::Mismatch`] if the network's shape has no kernels. [`LearnError::Device`] if there is no GPU, a
+    /// library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
         let plan = Plan::of(&weights.config, weights.config.history)?;
         if plan.program.steps.iter().any(|step| matches!(step.op, Op::Attend { band: Some(_), .. })) {

@@ -1,14 +1,14 @@
-//! From the steps of a program to the parts of a [`Plan`]: scales folded into matrices, biases and positions fused into the kernel that reads
-//! them. What the kernels do not cover is refused.
+//! Lowers a program to the parts of a [`Plan`]: folds scales into matrices, and fuses biases and positions with the
+//! kernel that reads them. Refuses operations without kernels.
 
 use super::*;
 
 impl Plan {
-    /// Refuses what the kernels do not cover.
+    /// Lowers `program` for windows of `tokens` tokens. Refuses a program that the kernels do not cover.
     pub fn new(program: Program, tokens: usize) -> Result<Self, LearnError> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
         let mut plan = Self { tokens, parts: Vec::new(), starts, folds: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
-        // Kernels count entries of the flat vector in 31 bits.
+        // Kernels index the flat vector with 31 bits.
         if plan.parameters() > i32::MAX as usize / 4 {
             return Err(LearnError::Mismatch(format!("{} parameters are too many for the CUDA engine", plan.parameters())));
         }
@@ -23,7 +23,7 @@ impl Plan {
         Ok(plan)
     }
 
-    /// Refuses step `i` if it shares a slot with others in a way that the backward pass cannot follow.
+    /// Refuses step `i` if it shares a slot with other steps and the backward pass cannot handle that.
     fn check_slots(&self, i: usize) -> Result<(), LearnError> {
         let (steps, Step { from, to, op }) = (&self.program.steps, self.program.steps[i]);
         let linear = matches!(op, Op::Linear { .. });
@@ -39,7 +39,7 @@ impl Plan {
         if !linear && !matches!(op, Op::Norm | Op::Place(_)) && steps.iter().filter(shares).count() > 1 {
             return refuse("what several steps read, or add to, is read by norms and products alone");
         }
-        // The gradient of a matrix needs what the product read.
+        // A weight gradient needs the input of the product unchanged.
         let changes = |later: &Step| later.to == from && matches!(later.op, Op::Linear { add: true, .. } | Op::Place(_));
         if linear && steps[i + 1..].iter().any(changes) {
             return refuse("what a later step changes is read by norms alone");
@@ -84,7 +84,7 @@ impl Plan {
         Ok(())
     }
 
-    /// Makes room for a matrix with its scale folded in; the offset of that.
+    /// Reserves memory for a matrix with its scale folded in, and returns its offset.
     fn fold_scale(&mut self, weight: Weight, scale: Weight) -> usize {
         let shape = &self.program.tensors[weight.0].shape;
         let (at, rows, columns) = (self.folded, shape[0], shape[1]);
@@ -94,7 +94,8 @@ impl Plan {
         at
     }
 
-    /// Fuses shifts with the next part: a norm adds a bias and positions, an activation a bias, if no other step reads the slot.
+    /// Fuses shifts with the next part: a norm adds bias and positions. An activation adds a bias, if no other step
+    /// reads the slot.
     fn fuse_shifts(&mut self) {
         for i in 1..self.parts.len() {
             let (next, steps) = (self.parts[i], &self.program.steps);
@@ -132,8 +133,8 @@ mod tests {
             Plan::new(p, TOKENS).err().map(|e| e.to_string())
         };
         let all: [fn(&mut Program, Slot); 4] = [
-            // Heads of seven columns; a slot that two steps read which add to no gradient; norms of two widths; a product that
-            // reads what a later step adds to.
+            // Heads of seven columns; an activation's slot with two readers; norms of two widths; a product with an
+            // input that a later step changes.
             |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
             |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),
             |p, x| _ = (p.normed("a", "b", x, 10, Init::Constant(0.0)), p.normed("c", "d", Slot(3), 8, Init::Constant(0.0))),

@@ -1,13 +1,15 @@
-//! The CUDA engine: any network's program, forward and backward, with clip, Adam, Muon and moving average, captured as one CUDA graph and
-//! replayed for every update.
+//! The CUDA engine: forward and backward passes of any program, gradient clipping, Adam, Muon and moving average. One
+//! CUDA graph, captured once, replays every update.
 //!
-//! Matrix products go through cuBLAS, everything else through `kernels/*.cu`, which NVRTC compiles with the program's shapes when the
-//! engine starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return [`LearnError::Device`]. All sums
-//! have a fixed order and cuBLAS a fixed workspace, so a resumed run gives the same bits as an unbroken one on the same device.
+//! Matrix products go through cuBLAS, everything else through `kernels/*.cu`, compiled by NVRTC with the program's
+//! shapes when the engine starts. Driver, cuBLAS and NVRTC are loaded at run time; without them the constructors return
+//! [`LearnError::Device`]. All sums have a fixed order and cuBLAS a fixed workspace. So a resumed run gives the same
+//! bits as an unbroken one on the same device.
 
 mod attention;
 mod backward;
 mod forward;
+mod gradients;
 mod lowering;
 mod muon;
 mod network;
@@ -16,7 +18,6 @@ mod passes;
 mod plan;
 mod program;
 mod resident;
-mod slopes;
 mod stream;
 mod trainer;
 
@@ -39,7 +40,8 @@ pub use resident::{Frames, resident};
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 
-/// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
+/// The engine of a network for at most `envs` environments: one token per frame if the network allows, or else whole
+/// windows.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),

@@ -1,7 +1,8 @@
-//! Muon on the device (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
+//! Muon on the GPU (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
 //!
-//! `muon_pack` moves momentum on and packs its look-ahead, `muon_unit` divides by the norm, five times `A = X X^T`,
-//! `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`, and `muon_apply` updates weights and average. Shapes alternate between the two streams.
+//! `muon_pack` updates the momentum and packs its Nesterov step, `muon_unit` divides by the norm. Five times:
+//! `A = X X^T`, `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`. `muon_apply` updates weights and average. Shapes
+//! alternate between the two streams.
 
 use std::collections::BTreeSet;
 
@@ -24,7 +25,7 @@ struct Group {
 
 pub(super) struct Muon {
     groups: Vec<Group>,
-    /// Whether an entry of the flat vector is one of theirs (1).
+    /// By entry of the flat vector: 1 if it belongs to a hidden matrix.
     pub entries: Buffer<u8>,
     fork: Event,
     join: Event,
@@ -60,7 +61,8 @@ impl Muon {
         Ok(Self { groups, entries: device.upload(&entries)?, fork: device.event()?, join: device.event()? })
     }
 
-    /// The update of all hidden matrices, after the work before it on the main stream: of weights, by gradients, with momentum and average.
+    /// Updates all hidden matrices, after the main stream's work so far. `vectors`: addresses of weights, gradients,
+    /// momentum, average.
     pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
         d.mark(Lane::Main, &self.fork)?;
         d.after(Lane::Side, &self.fork)?;

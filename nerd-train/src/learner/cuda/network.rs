@@ -1,6 +1,6 @@
-//! A program's memory on a device, and the addresses of its buffers.
+//! Memory of a program on a GPU, and the addresses of its buffers.
 //!
-//! Passes over it are in `passes.rs` and `backward.rs`; the plan that they follow is in `plan.rs`.
+//! The passes are in `passes.rs` and `backward.rs`, the plan that they follow in `plan.rs`.
 
 use std::cell::RefCell;
 
@@ -8,50 +8,50 @@ use nerd_model::device::{Products, Whole, held_in_f16, whole_program};
 
 use super::*;
 
-/// Floats of partial sums over rows, unless one row of them has more.
+/// Floats for partial sums over rows; a wider row gets more.
 pub(super) const SUMS: usize = 1 << 17;
 
-/// A program on a device, with memory for `rows` windows.
+/// A program on a GPU, with memory for `rows` windows.
 pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
     /// Most windows of a pass.
     pub rows: usize,
-    /// Targets `[rows][T][outputs]`; after a loss, the gradient by the predictions.
+    /// Targets `[rows][T][outputs]`; after a loss, its gradient with respect to the predictions.
     pub targets: Buffer<f32>,
-    /// Values of slots; the first buffer has the tokens, `[rows][T][padded]`.
+    /// Values of slots. The first buffer holds the tokens, `[rows][T][padded]`.
     values: Vec<Buffer<f32>>,
-    /// By slot, the buffer of `values` that it is in.
+    /// By slot, its buffer in `values`.
     buffer_of: Vec<usize>,
-    /// Slots that are read after the last part which mixes tokens, each with room for one row of every window.
+    /// Slots read after the last part that mixes tokens, with memory for one token of every window.
     pub(super) chosen: Vec<(Slot, Buffer<f32>)>,
-    /// Matrices with their scales, and [`Plan::folds`].
+    /// Matrices with folded scales, and [`Plan::folds`].
     folded: Buffer<f32>,
     folds: Buffer<[i32; 4]>,
     /// Cosine and sine of rotary positions.
     pub(super) rotations: Buffer<[f32; 2]>,
-    /// By part, a norm's reciprocal deviations.
+    /// By part, reciprocal standard deviations of a norm.
     pub(super) saved: Vec<Buffer<f32>>,
     pub(super) partial_sums: Buffer<f32>,
-    /// The kernel that makes a whole pass, of a program that has one.
+    /// Fused kernel for a whole pass, if the program has one.
     pub(super) whole: Option<Whole>,
-    /// Tokens on their way to the device, padded.
+    /// Padded tokens on the host, before upload.
     staging: Vec<f32>,
     pub(super) back: Option<BackwardMemory>,
 }
 
 pub(super) struct BackwardMemory {
-    /// Gradients by slots, allocated in the first pass; each with an event that is recorded once the side stream has read it.
+    /// Gradients by slots, allocated in the first pass. The event marks the end of the side stream's reads.
     pub buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
     pub fork: Event,
     pub join: Event,
 }
 
 impl Network {
-    /// On this process's GPU; `train` adds what the backward pass needs.
+    /// Opens the GPU and allocates memory. `train` adds memory for the backward pass.
     pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
         let layout = plan.layout(train);
-        // Kernels and products count entries, and launches their blocks, in 31 bits.
+        // Kernels, products and launches count entries and blocks in 31 bits.
         let warps = plan.attention.map_or(32, |a| 32 * a.heads);
         let most = i32::MAX as usize / (plan.tokens * layout.widths.iter().fold(warps, |most, width| most.max(*width)));
         if !(1..=most).contains(&rows) {
@@ -60,7 +60,8 @@ impl Network {
         let (text, kernels) = source(&plan);
         let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
         let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
-        // Older cards lack its instructions; weights that change would be packed every time.
+        // The f16 kernel needs compute capability 8. Training changes the weights, which would have to be packed every
+        // time.
         let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;
         let whole = half.then(|| of(Products::F16).filter(|whole| whole.shared <= most)).flatten().or_else(|| of(Products::F32));
         if let Some(whole) = &whole {
@@ -92,7 +93,8 @@ impl Network {
         })
     }
 
-    /// The same, with the weights `flat` on the device and their scales folded.
+    /// Like [`Network::new`], with the weights `flat` uploaded and their scales folded. F16 becomes F32 for weights
+    /// that f16 cannot hold.
     pub fn with_weights(
         plan: Plan,
         flat: &[f32],
@@ -115,8 +117,8 @@ impl Network {
         Ok((network, weights))
     }
 
-    /// Copies `inputs`, windows of `tokens` tokens each, to slot 0, where windows have room for all their tokens and rows are padded. The
-    /// rest of slot 0 keeps its values.
+    /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. There a window has memory for all its tokens, and
+    /// rows are padded. The rest of slot 0 keeps its values.
     pub fn load(&mut self, inputs: &[f32], tokens: usize) -> Result<(), DeviceError> {
         let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
@@ -135,7 +137,7 @@ impl Network {
         (0..self.buffer_of.len()).map(|slot| self.at(Slot(slot))).collect()
     }
 
-    /// Predictions after a pass, of as many rows as it had.
+    /// Predictions of the last pass, in its first rows.
     pub fn predictions(&self) -> &Buffer<f32> {
         &self.values[self.buffer_of[self.plan.program.predictions().0]]
     }
@@ -145,17 +147,17 @@ impl Network {
         base + 4 * self.plan.starts[weight.0] as u64
     }
 
-    /// Address of a matrix, with its scale folded in if it has one; `w` is the address of the parameters.
+    /// Address of a matrix of the parameters at `w`, with its scale folded in where it has one.
     pub(super) fn matrix(&self, w: u64, weight: Weight, folded: Option<usize>) -> u64 {
         folded.map_or_else(|| self.tensor(w, weight), |at| self.folded.at(at))
     }
 
-    /// Folds the scales of the parameters at `w` into the matrices that follow them.
+    /// Folds the scales of the parameters at `w` into the matrices behind them.
     pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
         self.each_fold("fold", &[Ptr(w), Ptr(self.folded.ptr), Ptr(self.folds.ptr)])
     }
 
-    /// Turns gradients at `g` by folded matrices into those by matrices and scales.
+    /// Turns gradients at `g` with respect to folded matrices into gradients of matrices and scales.
     pub(super) fn unfold(&self, w: u64, g: u64) -> Result<(), DeviceError> {
         self.each_fold("unfold", &[Ptr(w), Ptr(g), Ptr(self.folds.ptr)])
     }
@@ -164,13 +166,13 @@ impl Network {
         if self.folds.len == 0 { Ok(()) } else { self.device.launch(kernel, (self.folds.len, 1), (128, 1), 0, args) }
     }
 
-    /// Launches a kernel with a thread for each of `count` things.
+    /// Launches a kernel with `count` threads.
     pub(super) fn launch_each(&self, kernel: &str, count: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.device.launch(kernel, (count.div_ceil(256), 1), (256, 1), 0, args)
     }
 }
 
-/// Source text and kernel names for the program's operations; the source begins with its shapes.
+/// Source and kernel names for the program's operations. The source begins with the program's shapes.
 fn source(plan: &Plan) -> (String, Vec<&'static str>) {
     let Plan { tokens, padded, norm, attention, .. } = plan;
     let (inputs, outputs) = (plan.inputs(), plan.outputs());
@@ -194,7 +196,7 @@ fn source(plan: &Plan) -> (String, Vec<&'static str>) {
     (constants + &texts.concat(), texts.into_iter().flat_map(kernels).collect())
 }
 
-/// Names of the kernels in a text.
+/// Names of the kernels in a source.
 pub(crate) fn kernels(text: &'static str) -> impl Iterator<Item = &'static str> {
     text.split("extern \"C\" __global__ void ").skip(1).filter_map(|rest| rest.split('(').next())
 }

@@ -1,14 +1,14 @@
-//! Weights, their moments and gradient on a device, and their update.
+//! Weights, moments and gradient on a GPU, and their update.
 
 use std::mem::offset_of;
 
 use super::muon::Muon;
 use super::*;
 
-/// Blocks of the gradient norm's first stage.
+/// Blocks of the first stage of the gradient's norm.
 const NORM_BLOCKS: usize = 528;
 
-/// Mirror of the struct in `kernels/common.cu`; `adam` reads from `scale` on.
+/// Mirror of the struct in `kernels/common.cu`; `adam` reads four factors from `scale` on.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 struct Scalars {
@@ -25,12 +25,12 @@ struct Scalars {
     blend: f32,
 }
 
-/// What learns: what changes between updates (count, learning rate, bias corrections, decay of the average) is on the device, so nothing is
-/// asked of it while a run goes on.
+/// The optimiser on the GPU. Everything that changes between updates (step, learning rate, bias corrections, decay of
+/// the average) is on the GPU, so no update waits for the GPU.
 pub(crate) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
-    /// Gradients, followed by what `mean` turns into a loss.
+    /// Gradients, then one number that [`Optimiser::update`] scales to the loss.
     pub gradients: Buffer<f32>,
     m: Buffer<f32>,
     v: Buffer<f32>,
@@ -45,7 +45,7 @@ pub(crate) struct Optimiser {
 }
 
 impl Optimiser {
-    /// Takes up a state; `beta` is Adam's second.
+    /// Resumes `state`. `beta` is Adam's second.
     pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> Result<Self, LearnError> {
         let (shape, scalars) = (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
         let muon = match config.optimizer {
@@ -72,8 +72,8 @@ impl Optimiser {
         self.scalars.ptr
     }
 
-    /// Makes an update of the gradients; `mean` turns the number after them into the loss: squared errors are many,
-    /// a chain's loss is one.
+    /// Makes an update from the gradients. The number behind them times `mean` is the loss: a sum of squared errors, or
+    /// a chain's loss.
     pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
         let (p, s, beta) = (self.weights.len, Ptr(self.scalars.ptr), Double(self.beta));
         let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));

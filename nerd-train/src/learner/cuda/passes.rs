@@ -1,7 +1,7 @@
-//! Forward passes over a plan's parts, as kernels and matrix products; the loss, and sums over rows. A sum goes through partial sums of a
-//! fixed number of blocks, so its order is fixed.
+//! Forward passes over a plan's parts, the loss, and sums over rows. A sum goes through partial sums of a fixed number
+//! of blocks, so its order is fixed.
 //!
-//! In all of them `w` is the address of the parameters, whose scales were folded before ([`Network::fold`]).
+//! `w` is always the address of the parameters; their scales were folded before ([`Network::fold`]).
 
 use std::ops::Range;
 
@@ -11,10 +11,10 @@ use nerd_model::program::Activation;
 use super::network::SUMS;
 use super::*;
 
-/// Computes an attention; takes its number in the program and the addresses of `[q k v]` and of its output.
+/// Computes an attention, from its number in the program and the addresses of `[q k v]` and of the output.
 pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
 
-/// Of a product `x W`: rows of x, columns of x, columns of W.
+/// Sizes of a product `x W`: rows of x, columns of x, columns of W.
 #[derive(Clone, Copy)]
 pub(super) struct Size {
     pub rows: usize,
@@ -22,12 +22,12 @@ pub(super) struct Size {
     pub columns: usize,
 }
 
-/// Most blocks of a loss, each of which writes a partial sum.
+/// Most blocks of a loss; each writes a partial sum.
 const LOSS_BLOCKS: usize = 264;
 /// Most rows of partial sums in [`Network::sum_rows`].
 const CHUNKS: usize = 256;
 
-/// An activation's kernels, forward and backward.
+/// Kernels of an activation, forward and backward.
 pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
     match f {
         Activation::Gelu => ["gelu_forward", "gelu_backward"],
@@ -38,19 +38,19 @@ pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
 }
 
 impl Network {
-    /// Values of all slots over windows, as a backward pass needs them.
+    /// Values of all slots over `rows` windows, as the backward pass needs them.
     pub fn forward(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         self.forward_from(self.at(Slot(0)), w, rows)
     }
 
-    /// The same for tokens at another address, padded as slot 0 is.
+    /// Like [`Network::forward`], for tokens at another address, padded as in slot 0.
     pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
         let mut at = self.addresses();
         at[0] = tokens;
         self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
-    /// Predictions for all tokens of windows. The one kernel of a program that has one keeps no other slot.
+    /// Predictions for all tokens of `rows` windows. A fused kernel, if there is one, fills no other slot.
     pub fn predict(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         if let Some(whole) = &self.whole {
             let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
@@ -59,7 +59,7 @@ impl Network {
         self.forward(w, rows)
     }
 
-    /// Predictions for one token of each window, whose number in its window is at `tokens`.
+    /// Predictions for one token of each window. The array at `tokens` has its index in the window.
     pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> Result<(), DeviceError> {
         if self.whole.is_some() && self.plan.tokens == 1 {
             return self.predict(w, rows);
@@ -75,7 +75,7 @@ impl Network {
         self.run(w, first..all, &at, rows, &attend)
     }
 
-    /// Some parts over `n` rows of slots, whose addresses are in `at`.
+    /// Runs some parts over `n` rows of slots. `at` has the slots' addresses.
     pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> Result<(), DeviceError> {
         let plan = &self.plan;
         let optional = |weight: Option<Weight>| Ptr(weight.map_or(0, |weight| self.tensor(w, weight)));
@@ -107,7 +107,8 @@ impl Network {
         Ok(())
     }
 
-    /// The step that is part `i`, from `n` rows at `x` to rows at `y`; `shift`, a bias and positions, is added to x first.
+    /// Runs step number `i` of the parts, from `n` rows at `x` to rows at `y`. `shift` (bias and positions) is added to
+    /// x first.
     fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
         let (from, to) = (self.plan.width(step.from), self.plan.width(step.to));
         match step.op {
@@ -126,14 +127,14 @@ impl Network {
                 let quads = n * to / 4;
                 self.launch_each("gate_forward", quads, &[Ptr(x), Ptr(y), Int(to), Long(quads as u64)])
             }
-            // `run` has other parts for the first two, and calls `attend` for the third.
+            // Products and positions are other parts, and `run` calls `attend` itself.
             Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
         }
     }
 
-    /// `y = x W + beta y`, where rows of x are `stride` apart.
+    /// `y = x W + beta y`, with rows of x `stride` apart.
     ///
-    /// cuBLAS is column-major: what is `[rows, columns]` here is its transpose there, so it computes `y^T = W^T x^T`.
+    /// cuBLAS is column-major and sees every array transposed, so it computes `y^T = W^T x^T`.
     pub(super) fn linear(&self, (x, stride): (u64, usize), w: u64, y: u64, size: Size, beta: f32) -> Result<(), DeviceError> {
         let Size { rows, inner, columns } = size;
         let shape = (columns, rows, inner);
@@ -144,8 +145,8 @@ impl Network {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
     }
 
-    /// Of the first `n` tokens: writes the sum of squared errors after the gradient vector at `g`, and the gradient of the loss, a mean over
-    /// `all` tokens ([`crate::learner::LearnerConfig::huber`]), over the targets.
+    /// Loss of the first `n` tokens, a mean over `all` tokens ([`crate::learner::LearnerConfig::huber`]). Its gradient
+    /// replaces the targets. The sum of squared errors goes behind the gradient vector at `g`.
     pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
         let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial_sums.ptr));
         let [scale, bend] = [2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip())].map(Float);
@@ -155,8 +156,8 @@ impl Network {
         self.column_sum(self.partial_sums.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
-    /// Sums a gradient at `dy`, of `rows` windows of tokens of `width` columns: over windows to the gradient of positions, over all
-    /// tokens to the gradient of a bias.
+    /// Sums a gradient at `dy`, of `rows` windows and `width` columns. The sum over windows is the gradient of
+    /// positions; the sum over all tokens is the gradient of a bias.
     pub fn sum_rows(&self, dy: u64, rows: usize, width: usize, bias: Option<u64>, positions: Option<u64>) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
         let (rows, columns) = if positions.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };

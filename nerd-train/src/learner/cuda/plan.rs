@@ -1,7 +1,8 @@
-//! The plan of a program on a device: its steps as parts that kernels cover, and where rows and parameters are. `lowering.rs` makes it.
+//! The plan of a program on a GPU: its steps as parts with kernels, and offsets of rows and parameters. `lowering.rs`
+//! makes it.
 //!
-//! A scale is folded into the matrix that follows it, `W' = diag(w) W`, once an update. Both gradients follow from the gradient of `W'`:
-//! `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
+//! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. Both gradients follow from the
+//! gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::*;
 
@@ -9,7 +10,7 @@ use super::*;
 pub(super) enum Part {
     /// `y = x W'`, or `y += x W'`. `folded` is the offset of W' in the folded matrices; without one, W' is W.
     Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
-    /// `x += bias + P[k]` for the token at position k: by the next part, as it reads x, if fused with it, or else in place.
+    /// `x += bias + P[k]` for the token at position k, in place. If fused, the next part adds both as it reads x.
     Shift { slot: Slot, bias: Option<Weight>, positions: Option<Weight>, fused: bool },
     /// Any other step.
     Step(Step),
@@ -20,23 +21,24 @@ pub(crate) struct Plan {
     pub program: Program,
     pub tokens: usize,
     pub(super) parts: Vec<Part>,
-    /// Offsets of tensors in the flat vector, and its length.
+    /// Offsets of tensors in the flat vector, then its length.
     pub starts: Vec<usize>,
-    /// By row of a folded matrix: offsets of the row of W, of its scale and of the row of W', and columns.
+    /// By row of a folded matrix: offsets of the row of W, of its scale and of the row of W', then the number of
+    /// columns.
     pub folds: Vec<[i32; 4]>,
     /// Floats of all folded matrices.
     pub folded: usize,
-    /// Columns of a token on the device: cuBLAS likes rows aligned.
+    /// Columns of a token on the GPU, padded to a multiple of four for cuBLAS.
     pub padded: usize,
     pub(super) attention: Option<Attention>,
-    /// Width of all norms; 0 without one.
+    /// Width of all norms; 0 without a norm.
     pub norm: usize,
 }
 
 pub(super) struct Layout {
-    /// By slot, its buffer.
+    /// Buffer of each slot.
     pub buffer_of: Vec<usize>,
-    /// By buffer, floats of a row.
+    /// Floats in a row of each buffer.
     pub widths: Vec<usize>,
 }
 
@@ -46,7 +48,8 @@ impl Plan {
         Self::new(config.program(), tokens)
     }
 
-    /// For one token at a time. Refuses a network that needs whole windows; attention within a band works from kept keys and values.
+    /// A plan for one token at a time. Refuses a network that needs whole windows; banded attention uses stored keys
+    /// and values.
     pub fn stream(config: &TransformerConfig) -> Result<Self, LearnError> {
         let plan = Self::of(config, 1)?;
         let streams = |op: &Op| match op {
@@ -74,30 +77,30 @@ impl Plan {
         self.program.width(self.program.predictions())
     }
 
-    /// Floats of a row of a slot on the device.
+    /// Floats in a row of a slot on the GPU.
     pub fn width(&self, slot: Slot) -> usize {
         if slot == Slot(0) { self.padded } else { self.program.width(slot) }
     }
 
-    /// Whether any activation adds a bias to what it reads.
+    /// Whether an activation is fused with a bias.
     pub fn biased(&self) -> bool {
         let fused = |pair: &[Part]| matches!(pair, [Part::Shift { fused: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })]);
         self.parts.windows(2).any(fused)
     }
 
-    /// The first part from which on no token depends on another or on its position.
+    /// Index of the first part after all mixing: from there on, no token depends on another or on its position.
     pub fn independent_from(&self) -> usize {
         let mixes = |part: &Part| match part {
             Part::Shift { positions, .. } => positions.is_some(),
             Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_)),
             _ => false,
         };
-        // The part that a shift is fused with mixes, too.
+        // The part fused with the positions belongs to the mixing parts.
         let next = |i: usize| i + 1 + usize::from(matches!(self.parts[i], Part::Shift { fused: true, .. }));
         self.parts.iter().rposition(mixes).map_or(0, next)
     }
 
-    /// Slots that are live before part `first`: written by an earlier one, and read by it or a later one.
+    /// Slots that are live before part `first`: written by an earlier part, and read by `first` or a later part.
     pub fn live(&self, first: usize) -> Vec<Slot> {
         let slots = (0..self.program.widths.len()).map(Slot);
         let written = |slot: Slot| slot == Slot(0) || self.parts[..first].iter().any(|part| part.to() == slot);
@@ -105,8 +108,8 @@ impl Plan {
         slots.filter(|slot| written(*slot) && read(*slot)).collect()
     }
 
-    /// Gives slots buffers: each its own if all values are kept, for a backward pass; or else slots share one where they are not live
-    /// together.
+    /// Assigns a buffer to each slot. With `keep`, for a backward pass, no buffer is shared; else slots share buffers
+    /// while they are not live together.
     pub(super) fn layout(&self, keep: bool) -> Layout {
         let (mut buffer_of, mut widths, mut free) = (vec![usize::MAX; self.program.widths.len()], vec![self.padded], Vec::new());
         buffer_of[0] = 0;
@@ -155,7 +158,7 @@ mod tests {
             let plan = Plan::new(specimen.program, TOKENS).expect("a plan");
             let Layout { buffer_of, widths } = plan.layout(false);
             for i in 0..plan.parts.len() {
-                // Nor with the slot that part i writes: it must not overwrite what it reads.
+                // The slot that part i writes is included: its buffer must not overlap its inputs.
                 let slots: BTreeSet<usize> = plan.live(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0).collect();
                 let buffers: BTreeSet<usize> = slots.iter().map(|slot| buffer_of[*slot]).collect();
                 assert_eq!(buffers.len(), slots.len(), "{}, part {i}", specimen.name);

@@ -1,8 +1,8 @@
-//! [`CudaProgram`]: any program on a GPU, forward and backward.
+//! [`CudaProgram`]: forward and backward passes of any program on a GPU.
 
 use super::*;
 
-/// A program over windows on this process's GPU, with all that a backward pass needs.
+/// A program on a GPU over windows of a fixed number of tokens, with memory for a backward pass.
 pub struct CudaProgram {
     network: Network,
     weights: Buffer<f32>,
@@ -11,11 +11,11 @@ pub struct CudaProgram {
 }
 
 impl CudaProgram {
-    /// With its parameters, for `windows` windows of a fixed number of tokens.
+    /// Uploads the parameters `flat` and allocates memory for `windows` windows of `tokens` tokens.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if the kernels do not cover the program, [`LearnError::Device`] if there is no GPU, a library is missing
-    /// or memory runs out.
+    /// [`LearnError::Mismatch`] if the kernels do not cover the program. [`LearnError::Device`] if there is no GPU, a
+    /// library is missing or memory runs out.
     pub fn new(program: Program, flat: &[f32], precision: Precision, windows: usize, tokens: usize) -> Result<Self, LearnError> {
         let plan = Plan::new(program, tokens)?;
         let by_tokens = windows * tokens * plan.inputs();
@@ -24,15 +24,16 @@ impl CudaProgram {
         Ok(Self { gradients: d.zeros(flat.len())?, by_tokens: d.zeros(by_tokens)?, weights, network })
     }
 
-    /// Predictions `[windows][tokens][outputs]` for tokens `[windows][tokens][inputs]`, whose activations are kept.
+    /// Predictions `[windows][tokens][outputs]` for tokens `[windows][tokens][inputs]`. The activations are kept for a
+    /// backward pass.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if there are more or fewer tokens, [`LearnError::Device`] if the device fails.
+    /// [`LearnError::Mismatch`] if the number of tokens is wrong, or [`LearnError::Device`] if the device fails.
     pub fn forward(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
         self.pass(tokens, |net, w| net.forward(w, net.rows))
     }
 
-    /// The same without a backward pass after it; small programs whose tokens meet their neighbours have one kernel for this.
+    /// Predictions without a backward pass after them, by a fused kernel if the program has one (small chains).
     pub fn predict(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
         self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
@@ -49,7 +50,7 @@ impl CudaProgram {
         Ok(predictions)
     }
 
-    /// Gradients by the parameters and by the tokens last passed, from that by their predictions.
+    /// Gradients of the parameters and of the last tokens, from the gradient `upstream` of the predictions.
     pub fn backward(&mut self, upstream: &[f32]) -> Result<(Vec<f32>, Vec<f32>), LearnError> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, upstream)?;

@@ -1,17 +1,17 @@
-//! A model as a solver whose frames never leave the device: contacts, tokens, network and the state that follows are one captured graph
-//! a frame.
+//! A model as a solver with its batch on the GPU: contacts, tokens, network and next state are one captured graph per
+//! frame.
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program};
 use nerd_sim::articulated::device::{BLOCK, Back, Held, Motion, OnDevice, Reach, Real, Trail, failed};
 
-use super::slopes::{FramesBack, goes_back};
+use super::gradients::{FramesBack, goes_back};
 use super::*;
 
-/// A model's frames: a kernel for what it sees, its network, a kernel for what follows.
+/// Frames of a model: a kernel for tokens, the network, and a kernel for the next state.
 pub struct Frames {
     model: Model,
-    /// Of a chain, with the scales of its outputs.
+    /// The chain of a cable's model, with the scales of its outputs.
     chain: Option<(Chain, [f64; OUTPUTS])>,
     real: Real,
     precision: Precision,
@@ -22,23 +22,24 @@ struct Made {
     engine: Engine,
     hold: Buffer<u32>,
     replay: Replay<[u64; 2]>,
-    /// The way back, once that is asked for.
+    /// Backward pass over frames, once requested.
     back: Option<FramesBack>,
-    /// The frame that each environment's next token must be of, to follow on those that are remembered.
+    /// By environment, number of the frame that continues the remembered frames; `u64::MAX` if none does.
     next: Vec<u64>,
 }
 
 enum Engine {
-    /// Frame by frame.
+    /// One token per environment and frame.
     Stream(CudaStream),
-    /// Over a chain's rods, with its weights, and what of them `apply` needs of `tell`.
+    /// One token per rod: network, weights, and what `chain_tell` stores for `chain_apply`.
     Chain(Network, Buffer<f32>, Buffer<f64>),
 }
 
-/// A model as a solver of `system`; the device is opened at its first step. What is not the network of a chain has 64 bits, whatever `real`.
+/// A model as a solver of `system`; the device is opened at the first step. Around a chain's network the arithmetic is
+/// f64, whatever `real`.
 ///
 /// # Errors
-/// What of the model has no kernel: networks that see windows.
+/// If the network sees windows, the model is conditioned on parameters, or the kernels do not cover it.
 pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
     let network = model.config.network;
     if model.config.told {
@@ -46,7 +47,7 @@ pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Preci
     }
     let refused = |e: LearnError| e.to_string();
     let chain = if network.architecture == Architecture::Chain {
-        // What the CPU's solver refuses.
+        // Refuse the same models as the CPU's solver.
         ChainSolver::new(&model.weights, &model.normalizer, system).map_err(|e| e.to_string())?;
         let chain = Chain::of(system).map_err(|e| e.to_string())?;
         Plan::of(&network, chain.rods).map_err(refused)?;
@@ -152,10 +153,6 @@ impl Motion for Frames {
         self.made.iter().flat_map(|made| &made.back).try_for_each(|all| all.back(held, trail, back))
     }
 
-    fn remembers(&self) -> bool {
-        self.model.config.network.reach() > 1
-    }
-
     fn reset(&mut self, env: usize) {
         if let Some(next) = self.made.as_mut().and_then(|made| made.next.get_mut(env)) {
             *next = u64::MAX;
@@ -164,7 +161,7 @@ impl Motion for Frames {
 }
 
 impl Made {
-    /// Clears memory that these frames do not continue; `hold`: whether torques are held.
+    /// Clears the memory of environments that `first` does not continue. `hold`: torques are constant over the frames.
     fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
@@ -173,7 +170,7 @@ impl Made {
         self.engine.network().device.write(&self.hold, &[u32::from(hold)])
     }
 
-    /// Which frames would follow on those that were made.
+    /// Stores the number of the frame that would continue each environment.
     fn remember(&mut self, held: &Held, first: &[u64]) -> Result<(), DeviceError> {
         let Engine::Stream(CudaStream { network: Network { device, .. }, .. }) = &self.engine else { return Ok(()) };
         let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
@@ -183,12 +180,12 @@ impl Made {
         Ok(())
     }
 
-    /// One frame, as a graph from the second on.
+    /// One frame; launched as a graph from the second call on.
     fn go(&self, held: &Held) -> Result<(), DeviceError> {
         self.replay.run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
-    /// What of a frame the device does.
+    /// Launches the kernels of one frame.
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
         let grid = |kernel, threads: usize, args: &[Arg]| {

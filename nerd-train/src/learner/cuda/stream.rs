@@ -1,24 +1,24 @@
-//! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
+//! [`CudaStream`]: one token per environment and frame; keys and values of the last tokens stay on the GPU.
 
 use super::*;
 
-/// Inference with memory on this process's GPU: every frame computes the token of every environment in one graph.
-/// Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
+/// Inference with memory on the GPU: one graph per frame computes the tokens of all environments. A pass reads tokens
+/// `[env][padded]` from slot 0. A caller that makes passes without [`Stream::push`] counts the tokens itself.
 pub struct CudaStream {
     replay: Replay,
     pub(super) network: Network,
     weights: Buffer<f32>,
     /// Keys and values `[attention][env][history][2 E]`.
     rings: Buffer<f32>,
-    /// Tokens taken of each environment since it was cleared, there and here.
+    /// Tokens of each environment since its memory was cleared, on the device and on the host.
     pub(super) taken: (Buffer<u32>, Vec<u32>),
 }
 
 impl CudaStream {
-    /// Copies `weights` to the device, with memory for `envs` environments.
+    /// Uploads `weights` and allocates memory for `envs` environments.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if the network sees windows (positions are a table) or the kernels do not cover it,
+    /// [`LearnError::Mismatch`] if the network sees windows (table of positions) or the kernels do not cover it.
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
         let (network, weights) = Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
@@ -33,7 +33,7 @@ impl CudaStream {
         })
     }
 
-    /// What of a frame the device does: the tokens last loaded to `predictions`.
+    /// Device work of one frame: from the tokens in slot 0 to `predictions`.
     pub(super) fn pass(&self) -> Result<(), DeviceError> {
         let net = &self.network;
         if net.whole.is_some() {
@@ -47,7 +47,7 @@ impl CudaStream {
         net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
     }
 
-    /// Empties the memory of some environments whose tokens are counted on the device.
+    /// Clears the memory of some environments, where the device counts the tokens.
     pub(super) fn forget(&mut self, envs: &[usize]) -> Result<(), DeviceError> {
         if envs.is_empty() {
             return Ok(());
@@ -78,10 +78,6 @@ impl CudaStream {
 impl Stream for CudaStream {
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
         Ok(self.frame(tokens, out)?)
-    }
-
-    fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
-        Err(ForwardError { message: "what this network remembers stays on the card: fork it on the CPU".into() })
     }
 
     fn clear(&mut self, env: usize) {

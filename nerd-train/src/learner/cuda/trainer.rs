@@ -1,4 +1,4 @@
-//! [`CudaLearner`]: one update is one replay of a captured graph.
+//! [`CudaLearner`]: an update is one launch of a captured graph.
 //!
 //! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`.
 
@@ -7,7 +7,7 @@ use super::*;
 /// Adam's second beta.
 const BETA: f64 = 0.999;
 
-/// The CUDA engine of the [`Learner`] trait.
+/// The [`Learner`] on a GPU.
 pub struct CudaLearner {
     replay: Replay,
     network: Network,
@@ -21,19 +21,19 @@ pub struct CudaLearner {
 struct Data {
     x: Buffer<f32>,
     y: Buffer<f32>,
-    /// Without its numbers.
+    /// Shape of the windows, without data.
     shape: Windows,
-    /// Windows in all, and in a trajectory.
+    /// Windows in all, and per trajectory.
     count: usize,
     per: usize,
 }
 
 impl CudaLearner {
-    /// Takes up `state`, with all windows in device memory.
+    /// Resumes `state`, with all windows in GPU memory.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
-    /// is no GPU, a library is missing or memory runs out.
+    /// [`LearnError::Mismatch`] if shapes of windows, state and network differ. [`LearnError::Device`] if there is no
+    /// GPU, a library is missing or memory runs out.
     pub fn new(
         config: LearnerConfig,
         precision: Precision,
@@ -53,7 +53,8 @@ impl CudaLearner {
         Ok(Self { replay: Replay::default(), train: data(train)?, config, optimiser, network, validation, total })
     }
 
-    /// The gradient of the next update before clipping (in the order of the flat weights) and its loss, without making the update. For checks.
+    /// Loss and gradient of the next update, before clipping, in the order of the flat weights; makes no update. For
+    /// checks.
     pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
         self.differentiate()?;
         let mut g = self.network.device.download(&self.optimiser.gradients)?;
@@ -61,7 +62,7 @@ impl CudaLearner {
         Ok((squares * self.mean(), g))
     }
 
-    /// From the sum of squared errors to the loss.
+    /// Factor from the sum of squared errors to the loss.
     fn mean(&self) -> f32 {
         let plan = &self.network.plan;
         1.0 / (self.config.batch * plan.tokens * plan.outputs()) as f32
@@ -78,7 +79,8 @@ impl CudaLearner {
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
-    /// Fills the network's inputs and targets with `rows` windows: with the numbers at an address, or with the windows of the next update.
+    /// Copies `rows` windows to the network's inputs and targets: the windows numbered at the address `numbers`, or
+    /// those drawn for the next update.
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));

@@ -1,19 +1,19 @@
-// A policy's answers and what becomes of a rollout, as on the CPU: the same noise, the same arithmetic, 64 bits where they are there.
+// Actions, values and advantages of a rollout, with the noise and arithmetic of the CPU: f64 where the CPU uses f64.
 
-// Clamped to +- most; NaN stays NaN.
+// Clamps to +-most; NaN stays NaN.
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
 
-// Rows of observations as the network sees them (normalizer.rs), as far apart as its rows are.
+// Normalises observations (normalizer.rs) into network inputs with row stride `padded`.
 extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n, int width, int padded) {
     const u64 i = INDEX;
     if (i < n) to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-// What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions has
-// the i-th number of the noise, stream `later` after `*stream`, which comes in twos (Box and Muller) of four words each.
-// Values are in units of reward: mean and scale.
+// Samples actions. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Action i
+// takes the i-th normal number of stream `*stream + later`, drawn in pairs (Box-Muller) of four words each. Values are
+// in units of reward; `units` holds their mean and scale.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, const u64* stream, u64 later,
-                               const double* units, float* means, float* spreads, float* actions, float* surprise, double* values, float* kept,
+                               const double* units, float* means, float* spreads, float* actions, float* neg_log_prob, double* values, float* kept,
                                int rows, int a, int outputs) {
     const u64 row = INDEX;
     if (row >= rows) return;
@@ -35,18 +35,18 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
         actions[i] = drawn;
         kept[i] = (float)within(drawn, 1.0);
     }
-    surprise[row] = sum;
+    neg_log_prob[row] = sum;
     values[row] = (double)mu[a] * units[1] + units[0];
 }
 
-// Values of rows to where `which` says, or in order; rows that go nowhere are none (-1).
+// Writes values to the indices in `which`, or in order; rows with index -1 are skipped.
 extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values, int rows, int a, int outputs) {
     const u64 row = INDEX;
     if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
 }
 
-// Maps bootstrap states to rows of `values`: first the `n` states after the last step, then the states at time-outs, by step. Values of
-// the steps themselves come before both. Rows that nothing was written to go nowhere.
+// Maps bootstrap rows to indices of `values`: first the `n` states after the last step, then final states of truncated
+// episodes by step. Values of the steps themselves come before both. Unused rows get -1.
 extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, int n, int horizon, int slots) {
     const u64 env = INDEX;
     if (env >= n) return;
@@ -56,9 +56,10 @@ extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, i
         if (ends[t * n + env] == 2) which[++slot * n + env] = (horizon + 1 + t) * n + env;
 }
 
-// Advantages and returns (gae.rs) by environment; 1 ended in a terminal state, 2 where time ran out, and what was reached is worth `cut`.
+// Advantages and returns (gae.rs), a thread per environment. An end is 1 (terminated) or 2 (truncated, bootstraps from
+// `cut`).
 extern "C" __global__ void gae(const double* rewards, const unsigned char* ends, const double* values, const double* cut, double* both,
-                               int n, int horizon, double gamma, double lambda) {
+                               int n, int horizon, double gamma, double gae_lambda) {
     const u64 env = INDEX;
     if (env >= n) return;
     double advantage = 0;
@@ -66,13 +67,13 @@ extern "C" __global__ void gae(const double* rewards, const unsigned char* ends,
         const u64 i = (u64)t * n + env;
         const double next = ends[i] == 2 ? cut[i] : values[i + n];
         const double delta = rewards[i] + (ends[i] == 1 ? 0.0 : gamma * next) - values[i];
-        advantage = delta + (ends[i] || t + 1 == horizon ? 0.0 : gamma * lambda * advantage);
+        advantage = delta + (ends[i] || t + 1 == horizon ? 0.0 : gamma * gae_lambda * advantage);
         both[2 * i] = advantage;
         both[2 * i + 1] = advantage + values[i];
     }
 }
 
-// Sums of columns over every `parts`-th row, or of their squared distances from `means`.
+// Column sums over every `parts`-th row, of numbers or of squared distances from `means`.
 extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts, double* partial) {
     const u64 i = INDEX, column = i % width;
     if (i >= (u64)parts * width) return;
@@ -84,7 +85,7 @@ extern "C" __global__ void columns(const double* rows, const double* means, u64 
     partial[i] = sum;
 }
 
-// And their means, in the order of the parts.
+// Column means from these partial sums, added in order.
 extern "C" __global__ void mean(const double* partial, u64 n, int width, int parts, double* out) {
     const u64 column = INDEX;
     if (column >= width) return;
@@ -93,12 +94,12 @@ extern "C" __global__ void mean(const double* partial, u64 n, int width, int par
     out[column] = sum / n;
 }
 
-// Inputs of the loss of a step: advantage, return and predicted value, each normalised by (mean, scale) of its own.
-extern "C" __global__ void goals(const double* both, const double* said, u64 n, double mean, double scale, double goal_mean, double goal_scale,
-                                 double said_mean, double said_scale, float* advantages, float* goals, float* values) {
+// Inputs of the loss: advantage, return and old value, each normalised by its mean and scale.
+extern "C" __global__ void loss_inputs(const double* both, const double* said, u64 n, double mean, double scale, double goal_mean, double goal_scale,
+                                 double said_mean, double said_scale, float* advantages, float* value_targets, float* values) {
     const u64 i = INDEX;
     if (i >= n) return;
     advantages[i] = (float)((both[2 * i] - mean) / scale);
-    goals[i] = (float)within((both[2 * i + 1] - goal_mean) / goal_scale, 5.0);
+    value_targets[i] = (float)within((both[2 * i + 1] - goal_mean) / goal_scale, 5.0);
     values[i] = (float)within((said[i] - said_mean) / said_scale, 5.0);
 }

@@ -1,15 +1,16 @@
-//! A rollout on the device: actions, values, advantages and moments, by the kernels of `acting.cu`.
+//! Rollout on the device by the kernels of `acting.cu`: actions, values, advantages and moments.
 
 use super::memory::PARTS;
 use super::*;
+use crate::ppo::gae::LAMBDA;
 
-/// Values of the network in units of reward: mean and scale.
+/// Units of the network's values: mean and scale of the returns.
 fn units(policy: &Policy) -> [f64; 2] {
     [policy.returns.mean[0], policy.returns.scale(0)]
 }
 
 impl CudaEngine {
-    /// Begins a rollout of a policy, whose first step has this noise.
+    /// Begins a rollout of a policy; `noise` is the stream of its first step.
     pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> Result<(), DeviceError> {
         let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
         self.net.device.write(&self.weights, &policy.flat)?;
@@ -21,7 +22,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Runs the network of these weights on `count` rows on the device; writes the normalised rows to `inputs`.
+    /// Evaluates the network with the weights at `weights` on `count` rows at `rows`; writes normalised rows to
+    /// `inputs`.
     pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
@@ -30,13 +32,13 @@ impl CudaEngine {
         self.net.forward_from(inputs, weights, count)
     }
 
-    /// Values of the rows last asked about, to where `which` says.
+    /// Writes the values of the last evaluation to `to`, at the indices in `which` (0: in order).
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
         let sizes = [count, self.shape.action, self.shape.outputs()].map(Int);
         self.over("value", count, &[&[self.said(), which, self.kept.units.ptr, to].map(Ptr)[..], &sizes].concat())
     }
 
-    /// Refuses what there is no memory for.
+    /// Refuses data of other sizes than the memory was made for.
     pub(super) fn fits(&self, what: &str, right: bool) -> Result<()> {
         let Kept { environments, horizon, .. } = self.kept;
         if !right {
@@ -45,13 +47,14 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Draws the actions of step t of a rollout, whose observations are there, with noise from the stream `later` after the key's.
+    /// Samples the actions of step t from the observations on the device; the noise is stream `later` after the one in
+    /// `kept.noise`.
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
         self.ask(self.weights.ptr, self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
-        let Steps { surprise, actions, means, spreads, .. } = &self.steps;
-        let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
+        let Steps { neg_log_prob, actions, means, spreads, .. } = &self.steps;
+        let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), neg_log_prob.at(first)];
         let read = [self.said(), self.parameter()].map(Ptr);
         let (key, noise) = (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
         let kept = [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr);
@@ -59,7 +62,8 @@ impl CudaEngine {
         self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes].concat())
     }
 
-    /// Values, by these weights, of the states after the last step and at time-outs, in a rollout on the device.
+    /// Values, by the weights at `weights`, of the states after the last step and of final states of truncated
+    /// episodes.
     pub(super) fn reached(&self, weights: u64) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &[Ptr(ends.ptr), Ptr(which.ptr), Int(*n), Int(*horizon), Int(*slots)])?;
@@ -71,11 +75,11 @@ impl CudaEngine {
         })
     }
 
-    /// Advantages and returns of a rollout whose values are there.
+    /// Computes advantages and returns from values on the device.
     pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, rewards, ends, values, both, .. } = &self.kept;
         let all = [rewards.ptr, ends.ptr, values.ptr, self.kept.cut(0), both.ptr].map(Ptr);
-        self.over("gae", *n, &[&all[..], &[Int(*n), Int(*horizon), Double(config.gamma), Double(config.lambda)]].concat())
+        self.over("gae", *n, &[&all[..], &[Int(*n), Int(*horizon), Double(config.gamma), Double(LAMBDA)]].concat())
     }
 
     fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments> {
@@ -92,20 +96,22 @@ impl CudaEngine {
         Ok(RunningMoments { mean, variance, count: n as f64 })
     }
 
-    /// Takes the returns into their moments, and makes of the rollout what the loss asks for; advantages are nothing if they do not count.
-    pub(super) fn goals(&self, policy: &mut Policy, advantages: bool) -> Result<()> {
+    /// Absorbs the returns into their moments and writes the inputs of the loss. Without `advantages` the normalised
+    /// advantages are 0.
+    pub(super) fn loss_inputs(&self, policy: &mut Policy, advantages: bool) -> Result<()> {
         let n = self.kept.horizon * self.kept.environments;
-        // Of advantages and of returns.
+        // Columns: advantages, returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
-        // As predicted: in updated moments a value would be clipped to something that was never predicted.
+        // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
+        // never predicted.
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);
         let deviation = if advantages { variance[0].sqrt() + 1e-8 } else { f64::INFINITY };
         let laws = [mean[0], deviation, goal, goal_scale, said[0], said[1]].map(Double);
-        let Steps { advantages, goals, values, .. } = &self.steps;
+        let Steps { advantages, value_targets, values, .. } = &self.steps;
         let read = [Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
-        Ok(self.over("goals", n, &[&read[..], &laws, &[advantages.ptr, goals.ptr, values.ptr].map(Ptr)].concat())?)
+        Ok(self.over("loss_inputs", n, &[&read[..], &laws, &[advantages.ptr, value_targets.ptr, values.ptr].map(Ptr)].concat())?)
     }
 
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<()> {
@@ -113,17 +119,17 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// The rollout, to be looked at before an update.
+    /// Downloads the last rollout, for inspection before an update.
     pub fn rollout(&self) -> Result<Rollout, DeviceError> {
         let (Kept { horizon, environments, observations, values, both, .. }, d) = (&self.kept, &self.net.device);
-        let (Steps { surprise, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
+        let (Steps { neg_log_prob, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
         values.truncate(horizon * environments);
         Ok(Rollout {
             observations: d.download(observations)?,
             actions: d.download(actions)?,
             mean: d.download(means)?,
             spread: d.download(spreads)?,
-            surprise: d.download(surprise)?,
+            neg_log_prob: d.download(neg_log_prob)?,
             values,
             advantages: d.download(both)?.into_iter().step_by(2).collect(),
         })

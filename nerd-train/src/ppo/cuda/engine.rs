@@ -1,10 +1,10 @@
-//! A rollout by turns with episodes elsewhere, or on the card as a whole, and the update after it.
+//! Rollouts of `CudaEngine`, with episodes on the CPU or on the GPU, and its updates.
 
 use super::*;
 use crate::ppo::update;
 
 impl CudaEngine {
-    /// The order of each pass of an update, as it is drawn.
+    /// Receiver of the permutations of an update, one per pass.
     pub(super) fn orders(&mut self, config: &PpoConfig, key: StreamKey) -> Result<Orders> {
         let found = sizes(config);
         if found != self.sizes {
@@ -19,7 +19,8 @@ impl CudaEngine {
         Ok(orders)
     }
 
-    /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
+    /// Takes the episodes on the solver's device. `None` if they cannot run there; a missing kernel of the task is
+    /// printed.
     pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
         Ok(match self.world.take() {
             Some(known) => known,
@@ -29,7 +30,7 @@ impl CudaEngine {
                     tell!("{why}; what is seen goes to the card once a step, and actions come back");
                     None
                 }
-                // The solver's own kernels: it says more when it steps.
+                // The solver's own kernels failed to compile: stepping it reports more.
                 Err(StepError::Solver(_)) => None,
                 other => other?,
             },
@@ -37,7 +38,7 @@ impl CudaEngine {
     }
 }
 
-impl Turns for CudaEngine {
+impl StepwiseRollout for CudaEngine {
     fn begin(&mut self, policy: &Policy) -> Result<()> {
         Ok(self.take(policy, StreamKey { seed: 0, number: 0 })?)
     }
@@ -86,18 +87,18 @@ impl Turns for CudaEngine {
 
 impl Engine for CudaEngine {
     fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
-        // Orders are drawn while the device rolls, as they are needed.
+        // A thread draws the permutations during the rollout, as they are needed.
         let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
         let settings = config.clone();
         let drawn = std::thread::Builder::new().spawn(move || {
-            // Who no longer listens needs no more of them.
+            // Stop when nothing receives any more.
             let _ = update::orders(&settings, key).try_for_each(|order| give.send(order));
         });
         self.orders = drawn.is_ok().then(|| (config.clone(), key, orders));
     }
 
-    /// On the device where the episodes are there, or else by turns with them.
-    fn roll(&mut self, mut on: Stage) -> Result<Taken> {
+    /// On the GPU if the episodes run there, else alternating with them.
+    fn roll(&mut self, mut on: RolloutInput) -> Result<RolloutStats> {
         let mut world = self.world(on.episodes)?;
         let there = on.episodes.simulation.solver.resident().is_some();
         let taken = match world.as_mut().filter(|_| there) {
@@ -114,7 +115,7 @@ impl Engine for CudaEngine {
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {
         let orders = self.orders(config, key)?;
-        self.goals(policy, true)?;
+        self.loss_inputs(policy, true)?;
         self.net.device.write(&self.moments[0], &adam.m)?;
         self.net.device.write(&self.moments[1], &adam.v)?;
         let updated = self.passes(adam, config, orders.into_iter())?;

@@ -1,4 +1,4 @@
-//! [`CudaEpisodes`]: episodes on a GPU for learners beside this library, whose actions are there and who read there what came of them.
+//! [`CudaEpisodes`]: episodes on a GPU for external learners, which keep actions and results in GPU memory.
 
 use nerd_cuda::Beside;
 
@@ -10,12 +10,12 @@ const EPISODES: &str = include_str!("episodes.cu");
 pub struct CudaEpisodes {
     episodes: Episodes,
     world: World,
-    door: Door,
+    exchange: Exchange,
     replay: Replay<(u64, usize)>,
 }
 
-/// What goes into a step and what comes of it.
-struct Door {
+/// Inputs and results of a step.
+struct Exchange {
     device: Device,
     actions: Buffer<f32>,
     rows: Buffer<f64>,
@@ -26,25 +26,26 @@ struct Door {
     shown: Arc<Shown>,
 }
 
-/// What learners read after a step: the same memory of the GPU each time.
+/// Results of a step; the addresses stay the same.
 pub struct Shown {
-    /// `[env][observation]`; where an episode ended, the first observation of the next.
+    /// `[env][observation]`; after an ended episode, the first observation of the next.
     pub observations: Buffer<f32>,
-    /// `[env][observation]` before the next episode began where time ran out; elsewhere as `observations`.
+    /// `[env][observation]`: final observations of truncated episodes; elsewhere as `observations`.
     pub reached: Buffer<f32>,
-    /// `[env]`.
+    /// Rewards `[env]`.
     pub rewards: Buffer<f32>,
-    /// 1 where an episode ended in a terminal state.
+    /// 1 where an episode terminated, `[env]`.
     pub terminated: Buffer<u8>,
-    /// 1 where its time ran out.
+    /// 1 where an episode was truncated, `[env]`.
     pub truncated: Buffer<u8>,
 }
 
 impl CudaEpisodes {
-    /// Takes over episodes, which their solver keeps on a GPU, from their start.
+    /// Moves episodes to the GPU of their solver, from their start.
     ///
     /// # Errors
-    /// If it does not; else what of task, scene or robot has no kernel, or that there is no GPU or not enough memory.
+    /// If the solver keeps no batch on a GPU, or a part of task, scene or robot has no kernel. Also without a GPU, or
+    /// without enough memory.
     pub fn new(mut episodes: Episodes) -> Result<Self> {
         let device = Device::open(EPISODES, &["offer", "show"])?;
         let (n, about) = (episodes.len(), episodes.task.about());
@@ -55,66 +56,66 @@ impl CudaEpisodes {
         let shown = Arc::new(Shown { observations, reached, rewards, terminated, truncated });
         let (actions, cuts, rows, cut, rewards) = (single(n * about.action)?, device.zeros(n)?, wide(seen)?, wide(seen)?, wide(n)?);
         let world = taken(&mut episodes, &device)?;
-        let door = Door { device, actions, rows, cut, cuts, rewards, ends, shown };
-        door.begin(episodes.observations())?;
-        Ok(Self { episodes, world, door, replay: Replay::default() })
+        let exchange = Exchange { device, actions, rows, cut, cuts, rewards, ends, shown };
+        exchange.begin(episodes.observations())?;
+        Ok(Self { episodes, world, exchange, replay: Replay::default() })
     }
 
-    /// Begins the first episodes of a seed.
+    /// Begins the first episodes of another seed.
     pub fn seeded(&mut self, seed: u64) -> Result<()> {
         self.episodes.seeded(seed);
-        self.world = taken(&mut self.episodes, &self.door.device)?;
-        // What was captured is of the world before.
+        self.world = taken(&mut self.episodes, &self.exchange.device)?;
+        // The captured graph belongs to the previous world.
         self.replay = Replay::default();
-        Ok(self.door.begin(self.episodes.observations())?)
+        Ok(self.exchange.begin(self.episodes.observations())?)
     }
 
-    /// One step under actions `[env][action]`, f32 at an address of the GPU. It does not wait for what comes of it.
+    /// Enqueues one step; `actions` is the GPU address of f32 actions `[env][action]`. Does not wait for the results.
     pub fn step(&mut self, actions: u64) -> Result<()> {
-        let Self { episodes, world, door, replay } = self;
+        let Self { episodes, world, exchange, replay } = self;
         let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
         let resident = &*resident;
-        door.offer(actions)?;
-        let rows = [door.rows.ptr, door.rows.ptr, door.cut.ptr, door.cuts.ptr].map(Ptr);
-        let judge = [&rows[..], &[Int(1)], &[door.rewards.ptr, door.ends.ptr].map(Ptr)].concat();
+        exchange.offer(actions)?;
+        let rows = [exchange.rows.ptr, exchange.rows.ptr, exchange.cut.ptr, exchange.cuts.ptr].map(Ptr);
+        let judge = [&rows[..], &[Int(1)], &[exchange.rewards.ptr, exchange.ends.ptr].map(Ptr)].concat();
         let work = || {
-            world.step(resident, 0, door.actions.ptr, &judge)?;
-            door.show()
+            world.step(resident, 0, exchange.actions.ptr, &judge)?;
+            exchange.show()
         };
         match world.key(1) {
-            Some(key) => replay.run(&door.device, "step", key, work)?,
+            Some(key) => replay.run(&exchange.device, "step", key, work)?,
             None => work()?,
         }
         world.passed(1);
         Ok(())
     }
 
-    /// Episodes that the solver could not go on with since this was asked last, which ended without a reward. It waits for the GPU.
+    /// Number of episodes ended by a solver failure, with reward 0, since the last call. Waits for the GPU.
     ///
     /// # Errors
-    /// If a start cannot be stepped, or the device stopped.
+    /// If a start cannot be stepped, or the device failed.
     pub fn failed(&mut self) -> Result<usize> {
         let Some(resident) = self.episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
         Ok(self.world.end(&*resident)?)
     }
 
-    /// What learners read.
+    /// Results of the last step.
     pub fn shown(&self) -> &Arc<Shown> {
-        &self.door.shown
+        &self.exchange.shown
     }
 
-    /// The stream that steps are in.
+    /// Stream of the steps.
     pub fn beside(&self) -> Beside {
-        self.door.device.beside()
+        self.exchange.device.beside()
     }
 
-    /// Actions `[env][action]` that are put on the GPU, for who has none there.
+    /// Uploads actions `[env][action]` for callers without GPU memory.
     pub fn upload(&self, actions: &[f32]) -> Result<Buffer<f32>> {
-        Ok(self.door.device.upload(actions)?)
+        Ok(self.exchange.device.upload(actions)?)
     }
 }
 
-impl Door {
+impl Exchange {
     fn offer(&self, actions: u64) -> Result<(), DeviceError> {
         let (all, n) = (self.actions.len, self.ends.len);
         over(&self.device, "offer", all.max(n), &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat())
@@ -140,7 +141,7 @@ fn over(device: &Device, kernel: &str, entries: usize, args: &[Arg]) -> Result<(
     device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
 }
 
-/// Episodes as a world whose work is done in the order of their solver's, as is that of the device.
+/// Episodes as a world on their solver's stream, which `device` joins.
 fn taken(episodes: &mut Episodes, device: &Device) -> Result<World> {
     let Simulation { batch, solver } = &mut episodes.simulation;
     if let Some(resident) = solver.resident() {

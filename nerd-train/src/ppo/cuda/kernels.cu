@@ -1,17 +1,17 @@
-// The parts of a PPO update around the network: the loss of loss.rs with its gradient, Adam of update.rs. Sums have a fixed order. Names that the
-// network's kernels have, too, begin with ppo.
+// Parts of a PPO update around the network: the loss of loss.rs with its gradient, and Adam's factors. Sums have a
+// fixed order. The prefix ppo avoids names of the network's kernels.
 
 typedef unsigned long long u64;
 
 struct PassState {
-    double rate, sums[6], norms, batches;
+    double learning_rate, sums[6], norms, batches;
     u64 step;
     float scale, used, root; // Factors of the network's kernel `adam`.
 };
 
 #define INDEX ((u64)blockIdx.x * blockDim.x + threadIdx.x)
 
-// Rows in the order of a pass.
+// Gathers rows in the order of a pass.
 extern "C" __global__ void ppo_gather(const float* from, const unsigned* order, float* to, u64 n, int width) {
     const u64 i = INDEX;
     if (i >= n) return;
@@ -23,12 +23,13 @@ __device__ double warp_sum(double x) {
     return x;
 }
 
-// The loss of a row: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
-// terms by block, and what the policy now says in place of what the next pass compares with.
-extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
-                                const float* advantages, const float* goals, const float* values, float* means, float* spreads, float* d,
-                                float* d_spread, double* partial, int rows, int a, int outputs, float clip, float critic, float bounds,
-                                float entropy, float value_clip) {
+// Loss of each row. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Writes
+// the gradient with respect to these and sums of the terms by block. Stores the present mean and log standard
+// deviation, for the next pass's KL divergence.
+extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* neg_log_prob,
+                                const float* advantages, const float* value_targets, const float* values, float* means, float* spreads, float* d,
+                                float* d_spread, double* partial, int rows, int a, int outputs, float clip_coef, float vf_coef, float bounds_coef,
+                                float ent_coef, float value_clip) {
     const float half_ln_tau = 0.9189385f, bound = 1.1f, share = 1.0f / rows;
     __shared__ double part[4][6];
     const int row = (int)INDEX;
@@ -45,7 +46,7 @@ extern "C" __global__ void ppo_loss(const float* said, const float* parameter, c
             const float ratio = 2.0f * (s[k] - spreads[i * a + k]), far = (mu[k] - means[i * a + k]) * expf(-spreads[i * a + k]);
             kl += 0.5f * (expf(ratio) + far * far - 1.0f - ratio);
         }
-        const float ratio = expf(surprise[i] - now), low = 1.0f - clip, high = 1.0f + clip, advantage = advantages[i];
+        const float ratio = expf(neg_log_prob[i] - now), low = 1.0f - clip_coef, high = 1.0f + clip_coef, advantage = advantages[i];
         const float free = -advantage * ratio, held = -advantage * fminf(fmaxf(ratio, low), high);
         const float by_log = free >= held ? -advantage * ratio : 0.0f;
         terms[0] = fmaxf(free, held);
@@ -55,14 +56,14 @@ extern "C" __global__ void ppo_loss(const float* said, const float* parameter, c
             const float e = expf(-s[k]), z = (action[k] - mu[k]) * e, beyond = fmaxf(mu[k] - bound, 0.0f) + fminf(mu[k] + bound, 0.0f);
             terms[2] += (double)(beyond * beyond);
             terms[3] += (double)(s[k] + half_ln_tau + 0.5f);
-            d_mu[k] = share * (by_log * z * e + 2.0f * bounds * beyond);
-            d_s[k] = share * (by_log * (z * z - 1.0f) - entropy);
+            d_mu[k] = share * (by_log * z * e + 2.0f * bounds_coef * beyond);
+            d_s[k] = share * (by_log * (z * z - 1.0f) - ent_coef);
         }
-        const float most = value_clip > 0.0f ? value_clip : 3.4e38f, moved = v - values[i], goal = goals[i];
+        const float most = value_clip > 0.0f ? value_clip : 3.4e38f, moved = v - values[i], value_target = value_targets[i];
         const float near = values[i] + fminf(fmaxf(moved, -most), most);
-        const float plain = (v - goal) * (v - goal), kept = (near - goal) * (near - goal);
+        const float plain = (v - value_target) * (v - value_target), kept = (near - value_target) * (near - value_target);
         terms[1] = fmaxf(plain, kept);
-        d_mu[a] = share * critic * (plain >= kept ? v - goal : fabsf(moved) < most ? near - goal : 0.0f);
+        d_mu[a] = share * vf_coef * (plain >= kept ? v - value_target : fabsf(moved) < most ? near - value_target : 0.0f);
         for (int k = 0; k < a; k++) {
             means[i * a + k] = mu[k];
             spreads[i * a + k] = s[k];
@@ -92,9 +93,9 @@ extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
     partial[blockIdx.x] = sum;
 }
 
-// One block of 7 warps: the six terms and the gradient's norm; the factors of Adam, then the learning rate of the next minibatch.
-extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
-                                  double beta, double beta2, PassState* s) {
+// One block of 7 warps: means of the six terms, gradient norm, Adam's factors, and the next minibatch's learning rate.
+extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows,
+                                  float max_grad_norm, double target_kl, double beta, double beta2, PassState* s) {
     __shared__ double means[7];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     double sum = 0;
@@ -105,13 +106,13 @@ extern "C" __global__ void ppo_finish(const double* partial, int blocks, const d
     __syncthreads();
     if (threadIdx.x) return;
     const float found = (float)means[6];
-    s->scale = fminf(most / (found + 1e-6f), 1.0f);
+    s->scale = fminf(max_grad_norm / (found + 1e-6f), 1.0f);
     s->step += 1;
-    s->used = (float)(s->rate / (1.0 - pow(beta, (double)s->step)));
+    s->used = (float)(s->learning_rate / (1.0 - pow(beta, (double)s->step)));
     s->root = (float)(1.0 / sqrt(1.0 - pow(beta2, (double)s->step)));
     s->norms += found;
     s->batches += 1;
     for (int k = 0; k < 6; k++) s->sums[k] += means[k];
-    if (kl > 0 && means[4] > 2 * kl) s->rate = fmax(s->rate / 1.5, 1e-6);
-    else if (kl > 0 && means[4] < 0.5 * kl) s->rate = fmin(s->rate * 1.5, 1e-2);
+    if (target_kl > 0 && means[4] > 2 * target_kl) s->learning_rate = fmax(s->learning_rate / 1.5, 1e-6);
+    else if (target_kl > 0 && means[4] < 0.5 * target_kl) s->learning_rate = fmin(s->learning_rate * 1.5, 1e-2);
 }

@@ -1,35 +1,36 @@
-//! GPU memory of a rollout, of the inputs of its passes, and of an update's state.
+//! GPU memory of rollouts, of the inputs of passes, and of an update's state.
 
 use super::*;
 
-/// Parts that sums over all steps are made in.
+/// Number of partial sums over all steps.
 pub(super) const PARTS: usize = 1024;
 
-/// What is kept of a rollout beside what passes read.
+/// Buffers of a rollout that passes do not read.
 pub(super) struct Kept {
     pub(super) environments: usize,
     pub(super) horizon: usize,
     pub(super) step: usize,
     pub(super) observations: Buffer<f64>,
-    /// Values in units of reward: of every step, of the states after the last step, and of the states at time-outs by step.
+    /// Values in units of reward: of all steps, of the states after the last step, and of final states of truncated
+    /// episodes by step.
     pub(super) values: Buffer<f64>,
     pub(super) both: Buffer<f64>,
-    /// What came of each step (`gae.rs`).
+    /// Rewards and ends of steps (`gae.rs`).
     pub(super) rewards: Buffer<f64>,
     pub(super) ends: Buffer<u8>,
-    /// Rows that steps led to, raw and normalised, and where their values go: of the last step, then of every environment's first time that
-    /// ran out in a rollout on the device, and so on, for how many of which there is room.
+    /// Bootstrap rows, raw and normalised, and indices of their values: states after the last step, then up to `slots`
+    /// final states of truncated episodes for each environment, `[1 + slots][env]`.
     pub(super) rows: Buffer<f64>,
     pub(super) inputs: Buffer<f32>,
     pub(super) which: Buffer<u32>,
     pub(super) slots: usize,
-    /// How many have.
+    /// Truncated episodes of each environment so far.
     pub(super) cuts: Buffer<u32>,
-    /// Actions within their bounds.
+    /// Clamped actions.
     pub(super) actions: Buffer<f32>,
-    /// Number of the first step's noise.
+    /// Noise stream of the first step; kernels add the step.
     pub(super) noise: Buffer<u64>,
-    /// Mean and inverse scale of the observations; mean and scale of the returns.
+    /// Mean and inverse scale of observations; mean and scale of returns.
     pub(super) seen: [Buffer<f64>; 2],
     pub(super) units: Buffer<f64>,
     pub(super) partial: Buffer<f64>,
@@ -63,7 +64,7 @@ impl Kept {
         })
     }
 
-    /// Makes room for `slots` time-outs in every environment.
+    /// Allocates bootstrap rows for `slots` truncated episodes per environment.
     pub(super) fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
         if self.slots < slots {
             let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
@@ -73,19 +74,19 @@ impl Kept {
         Ok(())
     }
 
-    /// Address of the values of the states at time-outs, by step.
+    /// Address of the final values of truncated episodes at a step.
     pub(super) fn cut(&self, step: usize) -> u64 {
         self.values.at((self.horizon + 1 + step) * self.environments)
     }
 }
 
-/// What passes read of a rollout, by step.
+/// Buffers of a rollout that passes read, by step.
 pub(super) struct Steps {
     pub(super) inputs: Buffer<f32>,
     pub(super) advantages: Buffer<f32>,
-    pub(super) goals: Buffer<f32>,
+    pub(super) value_targets: Buffer<f32>,
     pub(super) values: Buffer<f32>,
-    pub(super) surprise: Buffer<f32>,
+    pub(super) neg_log_prob: Buffer<f32>,
     pub(super) actions: Buffer<f32>,
     pub(super) means: Buffer<f32>,
     pub(super) spreads: Buffer<f32>,
@@ -98,9 +99,9 @@ impl Steps {
         Ok(Self {
             inputs: zeros(padded)?,
             advantages: zeros(1)?,
-            goals: zeros(1)?,
+            value_targets: zeros(1)?,
             values: zeros(1)?,
-            surprise: zeros(1)?,
+            neg_log_prob: zeros(1)?,
             actions: zeros(action)?,
             means: zeros(action)?,
             spreads: zeros(action)?,
@@ -108,11 +109,11 @@ impl Steps {
     }
 }
 
-/// Mirror of the struct in `kernels.cu`.
+/// Mirror of `PassState` in `kernels.cu`.
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 pub(super) struct PassState {
-    pub(super) rate: f64,
+    pub(super) learning_rate: f64,
     pub(super) sums: [f64; 6],
     pub(super) norms: f64,
     pub(super) batches: f64,
@@ -120,5 +121,5 @@ pub(super) struct PassState {
     pub(super) factors: [f32; 4],
 }
 
-/// What a captured rollout is of: the world, what its steps are kept for, and the seed of its noise.
+/// Key of a captured rollout: world, ring index of its first frame, key of the noise.
 pub(super) type RollKey = (u64, usize, [u64; 4]);

@@ -1,5 +1,5 @@
-//! [`CudaEngine`]: a policy that answers and learns on a GPU. Where episodes have kernels there, too ([`World`]), whole rollouts are made
-//! without leaving it; else environments say what they show and what came of the actions.
+//! [`CudaEngine`]: rollouts and PPO updates on a GPU. Episodes with kernels run there too ([`World`]), and whole
+//! rollouts stay on the GPU. Other episodes exchange observations and actions with the CPU at every step.
 
 mod acting;
 mod engine;
@@ -28,27 +28,27 @@ pub use episodes::{CudaEpisodes, Shown};
 pub use shac::CudaShac;
 
 const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
-/// Threads of a block, and blocks of the gradient norm's first stage.
+/// Threads of a block, and blocks of the first stage of the gradient norm.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
 const TERMS: usize = 6;
-/// The order of each pass, as it is drawn.
+/// Permutations of an update, one per pass.
 type Orders = Receiver<Vec<u32>>;
 
 /// Memory on a GPU for rollouts and updates of one shape.
 pub struct CudaEngine {
-    /// Whether episodes that have kernels are stepped on the card.
+    /// Whether episodes with kernels run on the GPU.
     pub steps_episodes: bool,
-    /// Whether their rollouts are gone back over.
+    /// Whether rollouts are differentiated.
     returns: bool,
     net: Network,
     shape: Shape,
     kept: Kept,
     steps: Steps,
-    /// Steps of an iteration, and of a minibatch.
+    /// Steps of an iteration and of a minibatch.
     sizes: [usize; 2],
     order: Buffer<u32>,
-    /// Gradients by a spread that is a parameter, by row.
+    /// Gradients with respect to the log standard deviation parameters, by row of a minibatch.
     spread: Buffer<f32>,
     terms: Buffer<f64>,
     squares: Buffer<f64>,
@@ -59,7 +59,7 @@ pub struct CudaEngine {
     replay: Replay<(u64, PpoConfig)>,
     rolls: Replay<RollKey>,
     beta: [f64; 2],
-    /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
+    /// Permutations of the next update, with their settings and key.
     orders: Option<(PpoConfig, StreamKey, Orders)>,
     /// The episodes on the GPU, once requested; `Some(None)` if they cannot run there.
     world: Option<Option<World>>,
@@ -73,7 +73,7 @@ impl CudaEngine {
         // An observation is a window of one token.
         let plan = Plan::new(shape.program(), 1)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
-        // The way back goes over all steps at once, and over what they led to.
+        // SHAC's backward pass needs all steps at once, and the bootstrap rows.
         let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
         let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect::<Vec<_>>())?;
@@ -102,7 +102,7 @@ impl CudaEngine {
         })
     }
 
-    /// Whether the episodes are on the card.
+    /// Whether the episodes run on the GPU.
     pub fn has_episodes(&self) -> bool {
         matches!(self.world, Some(Some(_)))
     }
@@ -111,9 +111,9 @@ impl CudaEngine {
         self.net.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
     }
 
-    /// The spread's parameters; 0 if it is an output.
+    /// Address of the log standard deviation parameters; 0 if they are outputs.
     fn parameter(&self) -> u64 {
-        if self.shape.spread_by_state { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
+        if self.shape.state_dependent_std { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
     }
 
     fn said(&self) -> u64 {
@@ -121,7 +121,7 @@ impl CudaEngine {
     }
 }
 
-/// Steps of an iteration, and of a minibatch.
+/// Steps of an iteration and of a minibatch.
 fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
 }

@@ -1,32 +1,35 @@
-//! Passes of `update.rs` over a rollout on the device. The order of steps is drawn as on the CPU, so the minibatches are the
-//! same.
+//! Passes of `update.rs` on the device, over the same permutations and minibatches as on the CPU.
 
 use nerd_model::program::Slot;
 
 use super::*;
+use crate::ppo::loss::CRITIC;
+use crate::ppo::update::GRADIENT_NORM;
 
 impl CudaEngine {
-    /// One minibatch: `rows` of the order from `first` on.
+    /// One minibatch: `rows` steps of the permutation from `first` on.
     fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> Result<(), DeviceError> {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
         let inputs = [self.steps.inputs.ptr, order, net.at(Slot(0))].map(Ptr);
         self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
         net.forward(w, rows)?;
-        let Steps { advantages, goals, values, surprise, actions, means, spreads, .. } = &self.steps;
-        let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
+        let Steps { advantages, value_targets, values, neg_log_prob, actions, means, spreads, .. } = &self.steps;
+        let read = [self.said(), self.parameter(), order, actions.ptr, neg_log_prob.ptr, advantages.ptr, value_targets.ptr, values.ptr];
         let written = [means.ptr, spreads.ptr, net.targets.ptr, self.spread.ptr, self.terms.ptr];
-        let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
+        // SHAC's critic learns by the value loss alone.
+        let critic = if config.algorithm == Algorithm::Shac { 1.0 } else { CRITIC };
+        let numbers = [config.clip_coef, critic, config.bounds_coef, config.ent_coef, config.value_clip].map(Float);
         let sizes = [rows, a, self.shape.outputs()].map(Int);
         self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
         net.backward(w, Some(self.gradient.ptr), 0..rows, None)?;
-        if !self.shape.spread_by_state {
+        if !self.shape.state_dependent_std {
             net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
         }
         let n = Long(self.weights.len as u64);
         self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
         let (terms, squares) = ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(rows), Float(config.gradient_norm), Double(config.kl)];
+        let rest = [Int(rows), Float(GRADIENT_NORM), Double(config.target_kl)];
         let args = [&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat();
         self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &args)?;
         let [m, v] = &self.moments;
@@ -35,7 +38,7 @@ impl CudaEngine {
         self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0)], &self.beta.map(Double)].concat())
     }
 
-    /// All minibatches of one pass, as a graph from the second pass of the same settings on.
+    /// All minibatches of one pass; replays a captured graph from the second pass with the same settings on.
     fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
         self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();
@@ -44,9 +47,9 @@ impl CudaEngine {
         })
     }
 
-    /// All passes in these orders; weights and their moments are there.
+    /// Runs a pass for each permutation; weights and Adam's moments are on the device.
     pub(super) fn passes(&mut self, adam: &mut Adam, config: &PpoConfig, orders: impl Iterator<Item = Vec<u32>>) -> Result<Updated> {
-        self.net.device.write(&self.state, &[PassState { rate: adam.rate, step: adam.step, ..Default::default() }])?;
+        self.net.device.write(&self.state, &[PassState { learning_rate: adam.learning_rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
             self.net.device.write(&self.order, &order)?;
@@ -58,8 +61,8 @@ impl CudaEngine {
         }
         let mut state = [PassState::default()];
         self.net.device.read(&self.state, &mut state)?;
-        let [PassState { rate, sums, norms, batches, step, .. }] = state;
-        (adam.rate, adam.step) = (rate, step);
+        let [PassState { learning_rate, sums, norms, batches, step, .. }] = state;
+        (adam.learning_rate, adam.step) = (learning_rate, step);
         Ok(Updated { terms: Terms::of(sums).over(batches), gradient_norm: norms / batches })
     }
 }

@@ -1,10 +1,14 @@
-//! A rollout that never leaves the device: policy, task, solver and reward, step by step.
+//! Rollouts that stay on the device: policy, task, solver and reward, step by step.
 
 use super::*;
 
 impl CudaEngine {
-    /// Steps every environment through a horizon, from where `running` is; what the steps led to has no value yet.
-    pub(super) fn stay(&mut self, world: &mut World, Stage { episodes, running, policy, config, noise, .. }: &mut Stage) -> Result<Taken> {
+    /// Steps every environment through a horizon from `running`. Bootstrap values are computed later.
+    pub(super) fn stay(
+        &mut self,
+        world: &mut World,
+        RolloutInput { episodes, running, policy, config, noise, .. }: &mut RolloutInput,
+    ) -> Result<RolloutStats> {
         let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
         let (resident, noise, horizon) = (&*resident, *noise, config.horizon);
         let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
@@ -21,7 +25,7 @@ impl CudaEngine {
         }
         world.passed(horizon);
         self.kept.step = horizon;
-        Ok(Taken { failed: world.end(resident)?, ended: self.ended(running)?, ..Taken::default() })
+        Ok(RolloutStats { failed: world.end(resident)?, ended: self.ended(running)?, ..RolloutStats::default() })
     }
 
     fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> Result<(), DeviceError> {

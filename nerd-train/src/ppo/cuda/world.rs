@@ -1,4 +1,4 @@
-//! [`World`]: episodes whose states, goals and ends never leave the device, stepped by a solver that keeps its batch there.
+//! [`World`]: episodes with states, goals and ends on the device, stepped by a solver that keeps its batch there.
 
 use super::*;
 
@@ -6,7 +6,7 @@ use super::*;
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct Fields {
-    /// States, goals, torques; scenes and whose they are; faults, memory, failed; frames and begun.
+    /// States, goals, torques; scenes and their indices; faults, memory, failed; frames and begun.
     at: [u64; 10],
     key: [u64; 4],
     first: u64,
@@ -16,7 +16,7 @@ struct Fields {
     before: u64,
 }
 
-/// Of the task; all but two are of the way back.
+/// Kernels of a task; all but the first two belong to the backward pass.
 const KERNELS: [&str; 6] = ["task_act", "task_judge", "task_arrive_back", "task_acted_back", "task_leave", "task_begin_again"];
 
 /// Episodes of one task on a device.
@@ -30,18 +30,18 @@ pub(super) struct World {
     counts: Buffer<u32>,
     _before: Buffer<f64>,
     past: Past,
-    /// What each step led to, in a world whose steps are gone back over.
+    /// States after each step, if rollouts are differentiated.
     reached: Option<Buffer<f64>>,
-    /// States when the last rollout ended, and frames of a step.
+    /// States at the end of the last rollout; frames per step.
     states: Vec<f64>,
     step: usize,
     length: u64,
     n: usize,
 }
 
-/// Frames that were stepped: states before them, torques in them and, if they are gone back over, goals. Frame k of all is in place k of `room`.
+/// Ring buffer of stepped frames: states and goals before them, torques in them. Frame k is at index `k % room`.
 struct Past {
-    /// Frames that later ones depend on, and those of them that are there.
+    /// Number of frames that later ones depend on, and how many of these are stored.
     most: usize,
     known: usize,
     room: usize,
@@ -53,15 +53,15 @@ struct Past {
 }
 
 impl World {
-    /// Takes episodes over where they are, in the order of another device's work; none where their solver is elsewhere. If rollouts are gone back
-    /// over, they have so many steps.
+    /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
+    /// device. `back` is the horizon of rollouts that are differentiated.
     pub(super) fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let climbs = i32::from(episodes.climbs());
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
-        let text = task.kernels(system, Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
+        let text = task.kernels(Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
         let _foreseen = beside.foresee(&text).map_err(failed)?;
         resident.hold(batch)?;
         if let Some((device, _)) = resident.held() {
@@ -108,7 +108,8 @@ impl World {
                 device,
             })
         };
-        // Kernels of the task that do not compile, or no memory beside the solver: then tasks run on the CPU, and the reason is printed.
+        // Task kernels that do not compile, or no memory left by the solver: the task then runs on the CPU, and the
+        // reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept).map_err(failed)?;
         Ok(Some(world))
@@ -127,7 +128,7 @@ impl World {
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &[&[Ptr(self.fields.ptr)], args].concat())
     }
 
-    /// Step t of a rollout under actions on the device; its judgement has these arguments.
+    /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
     pub(super) fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
         for frame in 0..self.step {
             let past = self.past.place(t * self.step + frame).map(Ptr);
@@ -138,7 +139,8 @@ impl World {
         self.launch("task_judge", &[judge, &[Ptr(reached)]].concat())
     }
 
-    /// Its address and the index of its next frame, if all rollouts of `steps` steps begin at that index.
+    /// Key of a captured rollout: address of the world and ring index of its next frame. `None` if rollouts of `steps`
+    /// steps begin at changing indices.
     pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
         (room == 0 || (steps * self.step).is_multiple_of(room)).then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
@@ -150,7 +152,7 @@ impl World {
         past.known = (past.known + steps * self.step).min(past.most);
     }
 
-    /// The last frames, as a way back asks for them; addresses of the goals before them, and of what each step led to.
+    /// The stored frames for the backward pass; addresses of the goals before them and of the states after each step.
     pub(super) fn trail(&self) -> (Trail, [u64; 2]) {
         let Past { room, states, torques, goals, .. } = &self.past;
         let reached = self.reached.as_ref().map_or(0, |reached| reached.ptr);
@@ -163,7 +165,7 @@ impl World {
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
 
-    /// After a rollout: episodes that failed in it.
+    /// Ends a rollout: downloads the states and returns the number of failed episodes.
     pub(super) fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
         let mut counts = [0; 2];
         self.device.read(&self.counts, &mut counts).map_err(failed)?;
@@ -178,7 +180,7 @@ impl World {
         Ok(counts[0] as usize)
     }
 
-    /// What later steps depend on, as it was when the last rollout ended.
+    /// Snapshot for later steps, as of the end of the last rollout.
     pub(super) fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
         let mut kept = Snapshot { states: self.states.clone(), frames: vec![0; self.n], begun: vec![0; self.n], ..Default::default() };
@@ -191,7 +193,7 @@ impl World {
     }
 }
 
-/// States before the last frames of each environment, the newest first; zeros where none were kept.
+/// States before the last frames of each environment, newest first; zeros for missing frames.
 fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
     let (all, d) = (kept.states.len(), kept.states.len() / n.max(1));
     let mut out = vec![0.0; frames * all];
@@ -204,7 +206,7 @@ fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
 }
 
 impl Past {
-    /// Where a frame goes that is so many after those so far: state, torques and goal; 0 if none is kept.
+    /// Addresses for state, torques and goal of the frame `later` frames ahead; 0 if none is stored.
     fn place(&self, later: usize) -> [u64; 3] {
         let Some(place) = (self.count + later).checked_rem(self.room) else { return [0; 3] };
         let [states, torques, goals] = self.sizes.map(|size| place * size);
@@ -213,7 +215,7 @@ impl Past {
 
     fn take(&mut self, device: &Device, kept: &Snapshot) -> Result<(), DeviceError> {
         self.known = kept.past_states.len().checked_div(self.sizes[0]).unwrap_or(0).min(self.most);
-        // They are the last ones of a turn, so that rollouts that are as long begin at its beginning.
+        // Fill the end of the ring, so that the next rollout begins at index 0.
         let first = self.room - self.known;
         self.count = self.room;
         device.write_at(&self.states, first * self.sizes[0], &kept.past_states)?;

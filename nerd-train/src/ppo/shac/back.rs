@@ -1,43 +1,44 @@
-//! The way back through a rollout.
+//! Backward pass through a rollout: gradients of `-J` with respect to actions.
 
 use nerd_tasks::{View, Work};
 
 use super::*;
 
-/// Environments that one thread takes at a time.
+/// Environments per chunk of a thread.
 const ROWS: usize = 64;
 
-/// What a way back found.
+/// Result of the backward pass.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// Gradients of `-J` by actions as they were drawn, `[step][env][action]`.
+    /// Gradients of `-J` with respect to sampled actions, `[step][env][action]`.
     pub by_actions: Vec<f64>,
     /// J.
     pub earned: f64,
-    /// Environments with a frame whose slopes are not finite. They are left out: their gradients are 0.
+    /// Environments with a frame without finite gradients; all their gradients are 0.
     pub without: Vec<usize>,
 }
 
-/// What one environment's thread works on: gradients by its state, by its torques and by its action.
+/// Gradients of one environment with respect to its state, torques and action.
 struct Env<'a> {
-    slope: &'a mut [f64],
+    gradient: &'a mut [f64],
     by_torques: &'a mut [f64],
     by_action: &'a mut [f64],
 }
 
-/// The frames of a rollout, as their solver goes back through them.
+/// Backward pass through the solver's frames.
 struct Frames<'a> {
     solver: &'a mut dyn Solver,
     batch: Batch,
     torques: Vec<f64>,
-    /// Environments with a frame without slopes, and those that the solver could not go on with in this step, where nothing is to be found.
+    /// Environments with a frame without gradients, and environments that failed in the present step and have no
+    /// gradient there.
     without: Vec<bool>,
     lost: Vec<bool>,
 }
 
 impl Frames<'_> {
-    /// Takes gradients by the states after a frame back to those before it; those by its torques. In the place of an environment that has no
-    /// slopes another one is stepped.
+    /// Replaces gradients with respect to the states after a frame by gradients with respect to the states before.
+    /// Returns gradients with respect to torques. An excluded environment steps a copy of another one.
     fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
         let (n, robot) = (self.batch.len(), &self.batch.system.robot);
         let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
@@ -54,7 +55,7 @@ impl Frames<'_> {
                 self.torques[env * joints..][..joints].copy_from_slice(&torques[sound * joints..][..joints]);
                 behind[env * wide..][..wide].fill(0.0);
             }
-            match self.solver.back(&self.batch, &self.torques, 1, behind) {
+            match self.solver.vjp(&self.batch, &self.torques, 1, behind) {
                 Ok(found) => {
                     *behind = found.states;
                     return Ok(found.torques);
@@ -71,28 +72,27 @@ impl Frames<'_> {
     }
 }
 
-/// Gradients by the actions of a rollout; of all environments these are some.
+/// Computes J and its gradients with respect to the actions of a rollout.
 pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, value: &Policy, config: &PpoConfig) -> Result<Found> {
     let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
-    let (task, scale) = (&*episodes.task, 1.0 / config.steps() as f64);
+    let (task, scale) = (&episodes.task, 1.0 / config.steps() as f64);
     let Simulation { batch: now, solver } = &mut episodes.simulation;
     let (batch, system) = (now.clone(), now.system.clone());
     let mut way = Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
     let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
     let (width, a, goals) = (policy.shape.inputs(), policy.shape.action, task.goal_dim());
     let (actor, critic) = (policy.network(), value.network());
-    let Some(slopes) = task.slopes() else { return Ok(Found::default()) };
     let (shares, trace) = (shares(&steps.ends, n, config.gamma), &steps.trace);
     let (mut behind, mut by_torques, mut by_action) = (vec![0.0; n * wide], vec![0.0; n * joints], vec![0.0; n * a]);
     let mut works: Vec<Work> = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect();
     let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
     let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
-        let (slopes, torques, actions) = parts;
-        let chunks = slopes.par_chunks_mut(ROWS * wide).zip(torques.par_chunks_mut(ROWS * joints)).zip(actions.par_chunks_mut(ROWS * a));
-        chunks.zip(&mut works).enumerate().for_each(|(chunk, (((slopes, torques), actions), work))| {
-            let rows = slopes.chunks_exact_mut(wide).zip(torques.chunks_exact_mut(joints)).zip(actions.chunks_exact_mut(a));
-            for (i, ((slope, by_torques), by_action)) in rows.enumerate() {
-                one(chunk * ROWS + i, Env { slope, by_torques, by_action }, work);
+        let (gradients, torques, actions) = parts;
+        let chunks = gradients.par_chunks_mut(ROWS * wide).zip(torques.par_chunks_mut(ROWS * joints)).zip(actions.par_chunks_mut(ROWS * a));
+        chunks.zip(&mut works).enumerate().for_each(|(chunk, (((gradients, torques), actions), work))| {
+            let rows = gradients.chunks_exact_mut(wide).zip(torques.chunks_exact_mut(joints)).zip(actions.chunks_exact_mut(a));
+            for (i, ((gradient, by_torques), by_action)) in rows.enumerate() {
+                one(chunk * ROWS + i, Env { gradient, by_torques, by_action }, work);
             }
         });
     };
@@ -103,7 +103,7 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
     };
     for t in (0..h).rev() {
         let (ends, last) = (&steps.ends[t * n..][..n], (t + 1) * frames - 1);
-        // States whose value stands for what comes after them.
+        // Environments with a bootstrap value after this step.
         let asked: Vec<usize> = (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect();
         cut -= ends.iter().filter(|end| **end == TRUNCATED).count();
         let mut next_cut = cut;
@@ -123,43 +123,44 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
         earned += (0..n).map(|env| scale * shares[t * n + env] * steps.rewards[t * n + env]).sum::<f64>();
         let reached = |env: usize| &trace.reached[(t * n + env) * d..][..d];
         way.lost.iter_mut().enumerate().for_each(|(env, lost)| *lost = reached(env)[0].is_nan());
-        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
+        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, by_torques, by_action }, work| {
             by_torques.fill(0.0);
             by_action.fill(0.0);
             if ends[env] > 0 {
-                slope.fill(0.0);
+                gradient.fill(0.0);
             }
             let state = reached(env);
             if state[0].is_nan() {
                 return;
             }
-            // As it is once the step is over.
+            // The goal after the step.
             let mut goal = seen(last, env).goal.to_vec();
+            task.advance(&mut goal);
             task.remember(&mut goal, &numbers(&steps.drawn[(t * n + env) * a..][..a]));
             let view = View { state, goal: &goal, ..seen(last, env) };
             let torques = &trace.torques[(last * n + env) * joints..][..joints];
-            slopes.reward_back(view, torques, work, -scale * shares[t * n + env], slope, by_torques);
+            task.reward_back(view, torques, work, -scale * shares[t * n + env], gradient, by_torques);
             if let Ok(i) = asked.binary_search(&env) {
-                slopes.observe_back(view, work, &by_rows[i * width..][..width], slope);
+                task.observe_back(view, work, &by_rows[i * width..][..width], gradient);
             }
         });
         let drawn = &steps.drawn[t * n * a..][..n * a];
         for k in (t * frames..=last).rev() {
             let found = way.back(&trace.states[k * n * d..][..n * d], &trace.torques[k * n * joints..][..n * joints], &mut behind)?;
             by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
-            each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
-                slopes.act_back(seen(k, env), &numbers(&drawn[env * a..][..a]), work, by_torques, slope, by_action);
+            each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, by_torques, by_action }, work| {
+                task.act_back(seen(k, env), &numbers(&drawn[env * a..][..a]), work, by_torques, gradient, by_action);
                 by_torques.fill(0.0);
             });
         }
-        // At a bound what leads outside ends.
+        // Beyond a bound, a gradient that would push the action further out is cut.
         by_action.iter_mut().zip(drawn).filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0).for_each(|(g, _)| *g = 0.0);
         let (by_rows, _) = through(policy, &actor, &steps.rows[t * n * width..][..n * width], By::Rows, |i, _, by| {
             by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
             0.0
         });
-        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, .. }, work| {
-            slopes.observe_back(seen(t * frames, env), work, &by_rows[env * width..][..width], slope);
+        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, .. }, work| {
+            task.observe_back(seen(t * frames, env), work, &by_rows[env * width..][..width], gradient);
         });
         for env in 0..n {
             let own = [&mut behind[env * wide..][..wide], &mut by_action[env * a..][..a]];
@@ -181,7 +182,7 @@ fn numbers(x: &[f32]) -> Vec<f64> {
     x.iter().map(|x| f64::from(*x)).collect()
 }
 
-/// What each step's reward counts, `[step][env]`: less from step to step, all of it again where an episode begins.
+/// Weight of each step's reward, `[step][env]`: powers of gamma, from 1 at the start of the rollout or episode.
 fn shares(ends: &[u8], n: usize, gamma: f64) -> Vec<f64> {
     let mut out = vec![1.0; ends.len()];
     for i in n..out.len() {

@@ -1,17 +1,18 @@
-//! A rollout of a policy, with all that its way back needs.
+//! A rollout with the records that its backward pass needs.
 
 use nerd_tasks::Trace;
 
 use super::*;
 use crate::ppo::engine::endings;
 
-/// What is kept of a rollout, by step and environment.
+/// Records of a rollout, `[step][env]`.
 #[derive(Default)]
 pub(super) struct Steps {
-    /// Observations, those after the last step too; and where time ran out, in their order.
+    /// Stacked observations: `rows` before each step and after the last; `cut` at the end of truncated episodes, in
+    /// order.
     pub rows: Vec<f64>,
     pub cut: Vec<f64>,
-    /// Actions as drawn, and their means.
+    /// Sampled actions, before the clamp, and their means.
     pub drawn: Vec<f32>,
     pub mean: Vec<f32>,
     pub rewards: Vec<f64>,
@@ -22,8 +23,8 @@ pub(super) struct Steps {
 
 impl Steps {
     /// Steps every environment through a horizon.
-    pub fn rolled(Stage { episodes, running, policy, config, noise, stop }: &mut Stage) -> Result<(Self, Taken)> {
-        let (mut kept, mut taken, mut cut) = (Self::default(), Taken::default(), Vec::new());
+    pub fn rolled(RolloutInput { episodes, running, policy, config, noise, stop }: &mut RolloutInput) -> Result<(Self, RolloutStats)> {
+        let (mut kept, mut taken, mut cut) = (Self::default(), RolloutStats::default(), Vec::new());
         let actor = Actor::new((*policy).clone());
         kept.environments = episodes.len();
         episodes.trace();

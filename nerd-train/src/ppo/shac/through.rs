@@ -1,20 +1,21 @@
-//! The way back through a network, of many rows at once.
+//! Backward pass through a network for many rows at once.
 
 use super::*;
 
-/// Rows that one thread takes at a time, and parts that many rows come in at most.
+/// Rows per task of a thread, at least, and largest number of tasks.
 const ROWS: usize = 64;
 const PARTS: usize = 256;
 
-/// What gradients are by.
+/// Variables of a gradient: raw observations or parameters.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum By {
     Rows,
     Parameters,
 }
 
-/// Gradients through a network, by rows as they are seen or by its parameters, and the sum of what `say` says of a row's outputs when it writes
-/// the gradient by them. Both are summed in order.
+/// Gradients through a network, with respect to raw observations or to parameters, summed in order. For each row, `say`
+/// reads the outputs, writes the gradient with respect to them and returns a number. Also returns the sum of these
+/// numbers.
 pub(super) fn through(
     policy: &Policy,
     network: &Loaded,
@@ -40,7 +41,7 @@ pub(super) fn through(
     let parts: Vec<_> = rows.par_chunks(size * width).enumerate().map(part).collect();
     let (sum, found) = (parts.iter().map(|part| part.1).sum(), parts.iter().flat_map(|part| &part.0));
     if by == By::Rows {
-        return (found.enumerate().map(|(i, g)| policy.seen.slope(i % width, rows[i]) * f64::from(*g)).collect(), sum);
+        return (found.enumerate().map(|(i, g)| policy.seen.gradient(i % width, rows[i]) * f64::from(*g)).collect(), sum);
     }
     let mut flat = vec![0.0; policy.flat.len()];
     parts.iter().for_each(|(part, _)| flat.iter_mut().zip(part).for_each(|(sum, g)| *sum += f64::from(*g)));

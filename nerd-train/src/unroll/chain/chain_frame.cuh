@@ -1,15 +1,15 @@
-// Kernels of an update: chains are `[H + 1][n][CHAIN]`, all else of a rollout `[n]`.
+// Kernels of an update. Chains are `[H + 1][n][CHAIN]`, all other data of rollouts `[n]`.
 
 FN void load(const double* from, double* to, int n) { EACH(i, n) to[i] = from[i]; SYNC; }
 FN void store(const double* from, double* to, int n) { SYNC; EACH(i, n) to[i] = from[i]; }
 
-// Recorded states as chains, a thread each.
+// Converts recorded states to chains, a thread each.
 KERNEL unroll_truths(const double* states, double* truths, long long count) {
     const long long i = (long long)blockIdx.x * blockDim.x + threadIdx.x;
     if (i < count) rods(states + i * STATE, truths + i * CHAIN);
 }
 
-// Where the last update ended, or on the truth.
+// Starts rollouts from the end of the last update, or from the truth.
 KERNEL unroll_begin(WORLD, double* chains, int through) {
     __shared__ double chain[CHAIN];
     MOTIONS(blockIdx.x)
@@ -37,22 +37,23 @@ KERNEL unroll_advance(WORLD, double* chains, int k, const float* said) {
     store(after, at + (long long)gridDim.x * CHAIN, CHAIN);
 }
 
-// The gradient of frame k's loss joined by the upstream gradients of `later` later frames; then the frame is evaluated once more.
+// Adds the upstream gradient of `later` later frames to the gradient of frame k's loss. Then observes the state before
+// the frame again.
 KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
-    __shared__ double chain[CHAIN], other[CHAIN], slope[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
+    __shared__ double chain[CHAIN], other[CHAIN], gradient[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
     MOTIONS(blockIdx.x)
     const double* at = chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN;
     double* behind = behinds + (long long)blockIdx.x * CHAIN;
-    EACH(i, CHAIN) slope[i] = 0;
+    EACH(i, CHAIN) gradient[i] = 0;
     load(at + (long long)gridDim.x * CHAIN, chain, CHAIN);
     truth(r, m, k + 1, other);
-    const double total = loss(chain, other, ends, true_ends, k + 1, weight, slope);
+    const double total = loss(chain, other, ends, true_ends, k + 1, weight, gradient);
     EACH(one, 1) losses[blockIdx.x] = (later ? losses[blockIdx.x] : 0) + total;
     if (later) {
         load(behind, other, CHAIN);
-        join(other, later, slope);
+        join(other, later, gradient);
     }
-    store(slope, behind, CHAIN);
+    store(gradient, behind, CHAIN);
     load(at, chain, CHAIN);
     led(r, m, k, chain, other);
     look(r, m, chain, other, ends, tokens + (long long)blockIdx.x * RODS * LDX, touches + (long long)blockIdx.x * 4 * RODS);
@@ -67,15 +68,15 @@ KERNEL unroll_said(const double* chains, int k, const float* said, const double*
 }
 
 KERNEL unroll_back(WORLD, const double* chains, int k, const float* said, const double* touches, const float* by_tokens, double* behinds) {
-    __shared__ double chain[CHAIN], behind[CHAIN], slope[CHAIN], ends[6 * RODS], glided[GRIPPER];
+    __shared__ double chain[CHAIN], behind[CHAIN], gradient[CHAIN], ends[6 * RODS], glided[GRIPPER];
     MOTIONS(blockIdx.x)
     const long long env = blockIdx.x;
     load(chains + ((long long)k * gridDim.x + env) * CHAIN, chain, CHAIN);
     load(behinds + env * CHAIN, behind, CHAIN);
     led(r, m, k, chain, glided);
     nodes(chain, ends);
-    frame_back(chain, glided, said + env * RODS * OUTPUTS, touches + env * 4 * RODS, by_tokens + env * RODS * INPUTS, behind, ends, slope);
-    store(slope, behinds + env * CHAIN, CHAIN);
+    frame_back(chain, glided, said + env * RODS * OUTPUTS, touches + env * 4 * RODS, by_tokens + env * RODS * INPUTS, behind, ends, gradient);
+    store(gradient, behinds + env * CHAIN, CHAIN);
 }
 
 KERNEL unroll_end(WORLD, const double* chains, int through, int* nears) {

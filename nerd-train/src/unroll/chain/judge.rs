@@ -1,13 +1,14 @@
-//! The criterion of a chain's network.
+//! Errors of a chain's network: over whole motions and over single frames.
 
 use nerd_model::chain::ChainSolver;
 
 use super::*;
 
-/// Mean distance (m) of nodes from the truth over the whole of every motion, rolled out by the solver; infinite if one of them fails.
+/// Mean distance (m) of nodes from the truth, rolled out by the solver over every whole motion. Infinite if a motion
+/// fails.
 ///
 /// # Errors
-/// If the robot is not a chain of the network's.
+/// If the robot is not a chain, or the network is not for its number of rods.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
     let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
     let (chain, mut solver) = (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
@@ -26,7 +27,7 @@ pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, norm
             let [reached, truth] = [batch.state(i), motions.state(i, frame + 1)].map(|state| chain.rods(state));
             apart(&chain, &reached, &truth) / chain.rods as f64
         };
-        // Summed in order: the same bits on any number of threads.
+        // Sum in order: the same bits on any number of threads.
         total += (0..motions.len()).into_par_iter().map(off).collect::<Vec<_>>().iter().sum::<f64>();
     }
     Ok(total / (motions.len() * motions.frames) as f64)
@@ -38,7 +39,7 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
     a.iter().zip(&b).map(|(a, b)| (a - b).norm()).sum()
 }
 
-/// A network's relative error in the change of rates over single frames, over `frames` evenly spaced frames.
+/// Relative error of a network in the change of rates over single frames, at `frames` evenly spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
     let rows = validation_rows(motions.len() * motions.frames, frames);
     let one = |memory: &mut Memory, row: &u64| {

@@ -1,4 +1,4 @@
-//! Cables ([`nerd_model::chain`]): a token is a rod, and motions are turned and mirrored.
+//! Cables ([`nerd_model::chain`]) in rollouts: a token per rod, motions turned and mirrored.
 
 mod judge;
 mod loss;
@@ -16,19 +16,19 @@ pub use view::View;
 use super::*;
 use judge::{apart, missed};
 
-/// Numbers of a rollout on a device.
+/// Numbers of a rollout's row, see `Cable::row`.
 pub const ROLLOUT: usize = 7;
-/// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
+/// Mean distance (m) of nodes from the truth beyond which a rollout restarts.
 const ASTRAY: f64 = 0.03;
 
-/// A cable as it is rolled out.
+/// A cable in rollouts.
 #[derive(Clone)]
 pub struct Cable {
-    /// Its constants.
+    /// Constants of the chain.
     pub chain: Chain,
-    /// What 1 means of each number that the network predicts ([`scales`]).
+    /// Size of one unit of each network output ([`scales`]).
     pub scale: [f64; OUTPUTS],
-    /// What errors count.
+    /// Loss, with its units.
     pub loss: Loss,
 }
 
@@ -70,8 +70,8 @@ impl Body for Cable {
         Rods::zeros(self.chain.rods)
     }
 
-    fn loss(&self, [predicted, truth]: [&Rods; 2], k: usize, weight: f64, slope: &mut Rods) -> f64 {
-        self.loss.of(&self.chain, (predicted, truth), k, weight, slope)
+    fn loss(&self, [predicted, truth]: [&Rods; 2], k: usize, weight: f64, gradient: &mut Rods) -> f64 {
+        self.loss.of(&self.chain, (predicted, truth), k, weight, gradient)
     }
 
     fn join(&self, own: &mut Rods, upstream: &Rods, later: usize) {
@@ -82,16 +82,16 @@ impl Body for Cable {
         pairs.for_each(|(x, y)| *x += y * share);
     }
 
-    fn advance_back(&self, before: &Rods, numbers: &[f32], upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
-        self.chain.advance_back(before, Outputs { numbers, scale: &self.scale }, upstream, slope)
+    fn advance_back(&self, before: &Rods, numbers: &[f32], upstream: &Rods, gradient: &mut Rods) -> Vec<f32> {
+        self.chain.advance_back(before, Outputs { numbers, scale: &self.scale }, upstream, gradient)
     }
 
-    fn look_back(&self, before: &Rods, look: &Look, by_tokens: &[f32], upstream: &Rods, slope: &mut Rods, (): &mut ()) {
-        // Through the gripper's glide, too.
-        let mut glided: Gripper = look.tokens_back(&self.chain, before, by_tokens, slope);
+    fn look_back(&self, before: &Rods, look: &Look, by_tokens: &[f32], upstream: &Rods, gradient: &mut Rods, (): &mut ()) {
+        // The gripper's glide passes a gradient, too.
+        let mut glided: Gripper = look.tokens_back(&self.chain, before, by_tokens, gradient);
         glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, g)| *x += g);
         let led = self.chain.glide_back(&glided);
-        slope.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+        gradient.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
     }
 
     fn near(&self, rods: &Rods, truth: &Rods) -> bool {
@@ -103,14 +103,14 @@ impl Body for Cable {
     }
 }
 
-/// On the kernels of a chain's frames, in 64 bits.
+/// Device side, in f64.
 impl Cable {
     /// Numbers of a state on a device.
     pub fn width(&self) -> usize {
         numbers(&self.chain)
     }
 
-    /// Source text of its kernels, for scenes of at most `colliders` colliders.
+    /// Kernel source, for scenes of at most `colliders` colliders.
     pub fn program(&self, system: &Arc<System>, colliders: usize) -> String {
         let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
         let loss = &self.loss;
@@ -122,12 +122,12 @@ impl Cable {
         text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh")
     }
 
-    /// A scene as numbers.
+    /// A scene as numbers for the kernels.
     pub fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
         record(scene, system, Reach { colliders, ..Reach::default() })
     }
 
-    /// A rollout as the host sends it to a device: motion, first frame of the update, whether it begins anew, its view.
+    /// A rollout's row for the device: motion, first frame of the update, whether it restarts, and its view.
     pub fn row(Place { motion, frame, view }: &Place<View>, anew: bool) -> [f64; ROLLOUT] {
         [*motion as f64, *frame as f64, f64::from(u8::from(anew)), view.mirror, view.sin, view.cos, view.yaw]
     }

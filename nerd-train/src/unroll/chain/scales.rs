@@ -1,15 +1,15 @@
-//! Scales of a chain's quantities, measured in its data.
+//! Scales of a chain's quantities, measured in its motions.
 
 use super::*;
 
 const FRAMES: usize = 8000;
-/// No scale is less: what never moves would be divided by nothing.
+/// Smallest scale: avoids division by 0 for numbers that never change.
 const LEAST: f64 = 1e-9;
 
-/// Scales of a network's outputs, and the mean change of a node's velocity over a frame (m/s).
+/// Scales of a network's outputs, and the mean change of node velocities over a frame (m/s).
 ///
-/// A rod's numbers count from twice the mean size of a change of rate, and of what the trapezoid rule misses of its direction; the
-/// gripper's from the mean size of what its glide misses.
+/// Scales of a rod are twice the mean change of rate and twice the trapezoid rule's mean error of direction. Scales of
+/// the gripper are the mean errors of its glide.
 pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     let total = motions.len() * motions.frames;
     let step = total.div_ceil(FRAMES).max(1);
@@ -26,7 +26,8 @@ pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     (Normalizer { inputs: Moments::identity(INPUTS), outputs }, mean[2])
 }
 
-/// Mean sizes in one frame: change of rates, what is missed of directions, change of nodes' velocities, what the glide misses.
+/// Mean absolute values in one frame: change of rates, trapezoid error of directions, change of node velocities, errors
+/// of the glide.
 fn sizes(chain: &Chain, motions: &Motions, motion: usize, frame: usize) -> [f64; 15] {
     let (before, after) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
     let mut sizes = [0.0; 15];

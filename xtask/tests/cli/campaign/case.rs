@@ -1,5 +1,5 @@
-//! Cases by number: good files of one kind, one of them changed, and a command line that uses them. The same seed and number make the
-//! same bytes, so a case that killed its process is made again to be shown.
+//! Cases by number: good files of one kind with one file changed, and a command line that uses them. The same seed and
+//! number make the same bytes, so a case that killed its process can be made again.
 
 use nerd_sim::prelude::System;
 use rand::{RngExt, SeedableRng};
@@ -22,10 +22,10 @@ pub enum Kind {
 
 const LINES: &str = include_str!("assets/lines.txt");
 
-/// Robots, the small ones more often: a case of theirs takes less time.
+/// Robots of cases; small robots come more often, since their cases run faster.
 const ROBOTS: &str = "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
 
-/// A robot of one mesh, and that mesh in the kinds of files that are read.
+/// A robot of one mesh, and that mesh in each format that is read.
 const BRICK: &str = include_str!("assets/brick.urdf");
 const MESHES: [(&str, &[u8]); 6] = [
     ("gltf", include_bytes!("assets/brick.gltf")),
@@ -39,7 +39,7 @@ const MESHES: [(&str, &[u8]); 6] = [
 impl Kind {
     pub const ALL: [Self; 6] = [Self::Urdf, Self::Toml, Self::Csv, Self::Model, Self::Line, Self::Mesh];
 
-    /// The kind of a case: of twenty in a row five, four, three, two, one, since a command line takes long, and five.
+    /// The kind of a case. Twenty in a row have 5, 4, 3, 2, 1 and 5 of the kinds; command lines take longest.
     pub fn of(number: u64) -> Self {
         Self::ALL[[5, 9, 12, 14, 15, 20].iter().position(|end| number % 20 < *end).unwrap_or(0)]
     }
@@ -105,12 +105,12 @@ impl Kind {
                 case.files.insert("f/brick.urdf".into(), BRICK.replace("KIND", kind).into());
                 case.files.insert(format!("f/brick.{kind}"), mesh);
             }
-            // An option a line, until it is whole again.
+            // An option a line while the text is changed, then one line again.
             Self::Line => {
                 let mut text = case.line.replace(" --", "\n--").into_bytes();
                 words.change(dice, &mut text);
                 case.line = String::from_utf8_lossy(&text).replace(['\n', '\0'], " ");
-                // Without its limit a good training goes on for an hour.
+                // Without its limit a valid training goes on for an hour.
                 if case.line.contains("train ") {
                     match case.value("--minutes").map(|word| (word.to_string(), word.parse::<f64>())) {
                         None => case.line += " --minutes 0.02",
@@ -126,7 +126,7 @@ impl Kind {
     }
 }
 
-/// A weight, or any byte of a safetensors file.
+/// Changes a weight, or any byte, of a safetensors file.
 fn tensors(dice: &mut Dice, file: &mut Vec<u8>) {
     let data = file.first_chunk().map_or(0, |length| u64::from_le_bytes(*length) as usize) + 8;
     let at = data + dice.random_range(0..(file.len() - data) / 4) * 4;

@@ -1,4 +1,4 @@
-//! The corpus: a small case for each fault that was found once, with what must become of it.
+//! The corpus: a small case for each fault found so far, with its expected outcome.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use nerd_lab::campaign::repeated;
 
 use super::{case::Kind, files::Files};
 
-/// TRAIN of a line.
+/// Text for TRAIN in a command line.
 const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 \
                      --batch 4 --rollouts 1";
 
@@ -22,13 +22,13 @@ pub struct Entry {
     line: Option<String>,
     /// The file, in place of the kind's first one.
     file: Option<String>,
-    /// What is replaced in it, or all of it.
+    /// Text of the file to replace; by default the whole file.
     from: Option<String>,
-    /// By what; without it the file goes.
+    /// The replacement; without it the file is removed.
     to: Option<String>,
 }
 
-/// Of each kind, by name.
+/// Entries of each kind, by name.
 pub fn entries() -> BTreeMap<Kind, BTreeMap<String, Entry>> {
     toml::from_str(include_str!("assets/corpus.toml")).expect("corpus.toml")
 }
@@ -60,7 +60,7 @@ impl Entry {
         Case { files, before, line }
     }
 
-    /// What is wrong with how it ends.
+    /// The outcome, if it is not the expected one.
     pub fn wrong(&self, kind: Kind, good: &Files) -> Option<String> {
         let outcome = judge(&self.case(kind, good));
         let right = match &outcome {

@@ -1,4 +1,4 @@
-//! Files of cases: good ones that they are made from, what is like these and is not, and whether those that the program wrote are whole.
+//! Files of cases: good files, near misses of them, and a check that files written by the program are whole.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::program;
 
 pub type Files = BTreeMap<String, Vec<u8>>;
 
-/// A folder in memory where the system has one: what is written there need not last.
+/// A folder in memory if the system has one: the content need not last.
 pub fn scratch() -> TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a temporary folder")
@@ -27,20 +27,20 @@ pub fn write(folder: &Path, files: &Files) {
     }
 }
 
-/// Every file below a folder, by name; none where there is no folder.
+/// Every file below a folder, by name; empty without the folder.
 pub fn read(folder: &Path) -> Files {
     let name = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
     below(folder).expect("a folder").iter().map(|path| (name(path), std::fs::read(path).expect("read"))).collect()
 }
 
-/// Says what is wrong with a file that the program wrote, by its ending: it ends where it should, and holds numbers where it should.
+/// Checks by its ending that a file written by the program is complete and holds finite numbers.
 pub fn whole(path: &Path) -> Result<(), String> {
     let wrong = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().to_string_lossy());
     let bytes = std::fs::read(path).map_err(|e| wrong(e.to_string()))?;
     let json = |text: &[u8]| serde_json::from_slice::<serde_json::Value>(text).map(drop).map_err(|e| e.to_string());
     let checked = match path.extension().and_then(|e| e.to_str()).unwrap_or_default() {
         "json" => json(&bytes),
-        // Of a log that grows line by line the last one may be cut.
+        // The last line of a log that grows may be cut.
         "jsonl" => bytes.split_inclusive(|b| *b == b'\n').filter(|line| line.ends_with(b"\n")).try_for_each(json),
         "csv" if bytes.last().is_some_and(|b| *b != b'\n') => Err("no end".into()),
         "csv" => {
@@ -55,7 +55,7 @@ pub fn whole(path: &Path) -> Result<(), String> {
     checked.map_err(wrong)
 }
 
-/// Distances in empty space are infinite.
+/// Checks that all tensors but `depths` are finite: distances in empty space are infinite.
 fn tensors(bytes: &[u8]) -> Result<(), String> {
     let file = SafeTensors::deserialize(bytes).map_err(|e| e.to_string())?;
     let finite = |view: &safetensors::tensor::TensorView| match view.dtype() {

@@ -1,5 +1,5 @@
-//! A case is used as its command line says, by the program in a process and a folder of its own, under limits of memory and time; how that
-//! ends is looked at, and what it leaves.
+//! Runs a case's command line in its own process and folder, with limits of memory and time. Checks how the process
+//! ends and which files it leaves.
 
 use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
@@ -13,15 +13,17 @@ use super::files::{Files, below, scratch, whole, write};
 use super::program;
 
 const TIME: Duration = Duration::from_secs(10);
-/// Address space of its process (KiB).
+/// Address space of the process (KiB).
 const MEMORY: u64 = 4 << 20;
 /// Longest message (bytes): it has to be readable.
 const WORDS: usize = 10_000;
 /// Exit codes of an accepted and of a refused input.
 const USED: i32 = 0;
+/// A failure, and a command line that cannot be read.
+const FAILED: i32 = 1;
 const REFUSED: i32 = 2;
 
-/// Files, and the command line that uses them, after some that prepare.
+/// Files, the command line that uses them, and lines that prepare.
 pub struct Case {
     pub files: Files,
     pub before: Vec<String>,
@@ -48,7 +50,7 @@ impl Case {
 pub enum Outcome {
     Refused(String),
     Accepted,
-    /// What must not happen.
+    /// An outcome that must not happen.
     Fault(&'static str, String),
 }
 
@@ -74,15 +76,17 @@ pub fn judge(case: &Case) -> Outcome {
             Ok(()) => Outcome::Accepted,
             Err(words) => Outcome::Fault("a file that is not whole", words),
         },
-        Some(Some(REFUSED)) if words.is_empty() || words.len() > WORDS => fault("a refusal without words, or with too many"),
-        Some(Some(REFUSED)) if !left.is_empty() || case.before.is_empty() && here.join("out").exists() => fault("a refusal left files"),
-        Some(Some(REFUSED)) if !kept => fault("a refusal replaced a file"),
-        Some(Some(REFUSED)) => Outcome::Refused(words),
+        Some(Some(FAILED | REFUSED)) if words.is_empty() || words.len() > WORDS => fault("a refusal without words, or with too many"),
+        Some(Some(FAILED | REFUSED)) if !left.is_empty() || case.before.is_empty() && here.join("out").exists() => {
+            fault("a refusal left files")
+        }
+        Some(Some(FAILED | REFUSED)) if !kept => fault("a refusal replaced a file"),
+        Some(Some(FAILED | REFUSED)) => Outcome::Refused(words),
         Some(Some(_)) => fault("a panic"),
     }
 }
 
-/// Calls the program in a folder: how that ended, unless it was too late, and what was said of it.
+/// Runs the program in a folder: its exit status unless it was over time, and its standard error.
 fn call(folder: &Path, line: &str) -> (Option<ExitStatus>, String) {
     let words = line.split_whitespace().map(|word| if word == "''" { "" } else { word });
     let (mut errors, mut said) = (tempfile::tempfile().expect("a file"), Vec::new());
@@ -105,8 +109,8 @@ fn call(folder: &Path, line: &str) -> (Option<ExitStatus>, String) {
     (ended, String::from_utf8_lossy(&said).into())
 }
 
-/// A line that must succeed: the program's; `rm FILE`; `cut FILE`, which takes a file's second half away; `stamp FOLDER`, which makes a
-/// model's hash fit, since loading refuses any other change first.
+/// Runs a line that must succeed: a command of the program, `rm FILE`, `cut FILE` or `stamp FOLDER`. `cut` removes a
+/// file's second half. `stamp` makes a model's hash fit, since loading refuses any other change first.
 fn prepare(here: &Path, line: &str) {
     match line.split_once(' ') {
         Some(("rm", file)) => std::fs::remove_file(here.join(file)).expect("removed"),
@@ -117,7 +121,7 @@ fn prepare(here: &Path, line: &str) {
         Some(("stamp", folder)) => {
             let (system, folder) = (System::named("pendulum").expect("built in"), here.join(folder));
             if let Ok(mut model) = Model::read(&folder, &system, None) {
-                model.stamp(&system);
+                (model.config.robot_sha256, model.config.model_sha256) = (system.robot_sha256(), model.sha256());
                 std::fs::write(folder.join("config.json"), serde_json::to_string(&model.config).expect("JSON")).expect("written");
             }
         }

@@ -1,5 +1,5 @@
-//! Runs that are ended by SIGTERM, killed, or killed in the midst of writing a file, in turn: what is there are whole files, and the same command then comes to
-//! what an unbroken run comes to, byte for byte.
+//! Runs ended by SIGTERM, killed, or killed while they write a file, in turn. All files that are left are whole. The
+//! same command then reaches the result of an unbroken run, byte for byte.
 
 use std::fs::File;
 use std::path::Path;
@@ -24,7 +24,7 @@ fn killed_runs_leave_whole_files_and_go_on() {
     same_after_kills("rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv", &["r.csv"]);
 }
 
-/// A command, and the beginnings of the files that must come out the same.
+/// A command, and the beginnings of names of files that must come out the same.
 fn same_after_kills(line: &str, same: &[&str]) {
     let [unbroken, folder] = [(); 2].map(|()| tempfile::tempdir().expect("a temporary folder"));
     let (started, run) = (Instant::now(), folder.path().join("run"));
@@ -39,7 +39,7 @@ fn same_after_kills(line: &str, same: &[&str]) {
             assert_eq!(whole(&run.join(name)), Ok(()), "{line}, kill {k}");
         }
     }
-    // What was asked to end left one, from which those that were killed then went on.
+    // Runs ended by SIGTERM left a checkpoint, and later runs continued from there.
     assert!(!line.starts_with("policy") || run.join("last.safetensors").exists(), "{line}: no checkpoint after {KILLS} ends");
     let found = finish(line, same, folder.path());
     let other = found.keys().chain(expected.keys()).find(|name| found.get(*name) != expected.get(*name));
@@ -53,7 +53,7 @@ fn start(line: &str, folder: &Path) -> Child {
     command.stderr(File::create(folder.join("errors.txt")).expect("a file")).spawn().expect("started")
 }
 
-/// Runs to the end: the files that must come out the same, and those that should have gone.
+/// Runs to the end. Returns files that must come out the same, and temporary files that should have gone.
 fn finish(line: &str, same: &[&str], folder: &Path) -> Files {
     let ended = start(line, folder).wait().expect("ended");
     assert!(ended.success(), "`{line}` failed: {}", crate::text(folder.join("errors.txt")));
@@ -70,7 +70,7 @@ enum Way {
     Writing,
 }
 
-/// Ends a process after a while. Whether it was still alive.
+/// Ends a process after a while; returns whether it was still alive.
 fn stab(mut child: Child, run: &Path, moment: Duration, way: Way) -> bool {
     let started = Instant::now();
     while child.try_wait().expect("a state").is_none() {

@@ -1,6 +1,7 @@
-//! Hostile input. Good URDFs, specifications, tables, model folders, meshes and command lines are changed at random and used: each must be
-//! refused in words or be used to the end, without a panic or an abort, over 4 GiB or 10 s, or a number that is not finite, and a refusal
-//! leaves nothing behind. A fault that is mended becomes a case of `assets/corpus.toml`. `NERD_CAMPAIGN=1000000` makes it long.
+//! Hostile input. Good URDFs, specifications, tables, model folders, meshes and command lines are changed at random and
+//! used. Each must be refused in words or used to the end. Faults are panics, aborts, more than 4 GiB or 10 s, numbers
+//! that are not finite, and refusals that leave files. A mended fault becomes a case of `assets/corpus.toml`.
+//! `NERD_CAMPAIGN=1000000` makes the campaign long.
 
 mod case;
 mod corpus;

@@ -1,5 +1,5 @@
-// y = f(x + bias) and the way back, four numbers a thread: arrays have room to whole float4. The bias may be null, and is where BIASED
-// says that no activation of the program has one.
+// Activations y = f(x + bias) and their gradients, four numbers per thread; arrays are padded to whole float4. The bias
+// may be null. BIASED is false if no activation of the program has a bias.
 
 __device__ __forceinline__ float phi(float x) { return 0.5f + 0.5f * erff(x * 0.70710678118654752f); }
 
@@ -29,7 +29,7 @@ extern "C" __global__ void gelu_backward(const float* x, const float* bias, floa
 }
 
 extern "C" __global__ void relu_forward(const float* x, const float* bias, float4* y, int width, u64 quads) {
-    // Of what is not a number that: fmaxf would take 0.
+    // Keeps NaN, where fmaxf would return 0.
     apply(x, bias, y, width, quads, [](float x, float) { return x < 0.0f ? 0.0f : x; });
 }
 

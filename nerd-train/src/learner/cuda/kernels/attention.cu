@@ -1,4 +1,5 @@
-// E columns of queries, H heads of D, B keys that a query meets at most, G heads in one block, ROTARY whether those are a band and turned.
+// E columns of queries, H heads of D columns, at most B keys per query, G heads per block. ROTARY: banded attention
+// with rotary positions.
 
 constexpr int D = E / H;
 constexpr int GW = G * D;      // columns of one block
@@ -36,7 +37,7 @@ __device__ __forceinline__ void add_row(float* r, float k, const float* s) {
     }
 }
 
-// Row r of q|k|v of this block's heads, between global [tokens][3 E] and shared [T][RS].
+// Copies rows of q|k|v of this block's heads from global [tokens][3 E] to shared [T][RS].
 __device__ __forceinline__ void load_qkv(float* s, const float* qkv, u64 base, int column) {
     for (int i = threadIdx.x; i < T * 3 * (GW / 4); i += blockDim.x) {
         int row = i / (3 * GW / 4), c = i % (3 * GW / 4), part = c / (GW / 4), at = c % (GW / 4) * 4;
@@ -44,11 +45,12 @@ __device__ __forceinline__ void load_qkv(float* s, const float* qkv, u64 base, i
     }
 }
 
-// Query i meets its keys in the order n = 0 .. B - 1: the window's from its start, or the band's from the newest back. Key n
-// exists if n <= i.
+// Row of key number n = 0 .. B - 1 of query i: counted from the start of the window, or in a band back from the query.
+// Key n exists if n <= i.
 __device__ __forceinline__ int key(int i, int n) { return ROTARY ? i - n : n; }
 
-// Turns columns c and c + D / 2 of a row by the angles of place i, forwards (sign 1) or back (-1). turns [T][D / 2].
+// Rotates columns c and c + D / 2 of a row by the angles of position i, forwards (sign 1) or back (-1). turns is
+// [T][D / 2].
 __device__ __forceinline__ void turn_row(float* r, const float2* turns, int i, float sign) {
 #pragma unroll
     for (int c = 0; c < D / 2; c++) {
@@ -59,7 +61,7 @@ __device__ __forceinline__ void turn_row(float* r, const float2* turns, int i, f
     }
 }
 
-// Turns query and key i of this thread's head by their place.
+// Rotates query and key i of this thread's head by their position.
 __device__ __forceinline__ void turn_shared(float* s, const float2* turns, int head, int i) {
     if (!ROTARY) return;
     if (head < G) {
@@ -109,7 +111,7 @@ extern "C" __global__ void attention_forward(const float* qkv, float* out, const
 #pragma unroll
         for (int n = 0; n < B; n++)
             if (n <= i) add_row(acc, p[n], s + key(i, n) * RS + 2 * GW + head * D);
-        store_row(s + i * RS + head * D, acc);  // the thread's own q, read by nobody else
+        store_row(s + i * RS + head * D, acc);  // overwrites q of this thread, which no other thread reads
     }
     __syncthreads();
     for (int k = threadIdx.x; k < T * (GW / 4); k += blockDim.x) {
@@ -167,7 +169,7 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     if (head < G) {
 #pragma unroll
         for (int n = 0; n < B; n++) {
-            // Query k sees this thread's key i as its key number `at`.
+            // Entry `at` has the probability of this thread's key i for query k.
             const int k = ROTARY ? i + n : n, at = (head * T + k) * B + (ROTARY ? n : i);
             if (ROTARY ? k < T : k >= i) {
                 add_row(dk, ds[at], s + k * RS + head * D);
@@ -192,9 +194,9 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     }
 }
 
-// One new token of every environment against the last B keys and values of each. Environment r has taken[r] earlier tokens; its
-// key and value go to slot taken % B of ring [env][B][2 E]. Turning a query by the distance to a key is turning both by their
-// places, so keys are kept unturned. One warp a row and head, D <= 32; turns [B][D / 2].
+// Attention of one new token per environment over the last B keys and values. Environment r has taken[r] earlier
+// tokens; the new key and value go to slot taken % B of ring [env][B][2 E]. Only the query is rotated, by the distance
+// to each key, so keys are stored unrotated. One warp per row and head, D <= 32; turns [B][D / 2].
 extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out, const float2* turns,
                                             int rows) {
     const int warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;

@@ -1,10 +1,10 @@
-// What every program needs. The text of a program is put together of its operations' files, with their shapes as constants in front,
-// and compiled at run time: T tokens in a window, IN inputs, LDX padded inputs, OUT outputs. All arrays are f32 and row-major. Every sum
-// has a fixed order (no float atomics), so equal inputs give equal bits.
+// Kernels that every program needs. The source of a program, compiled at run time, joins the files of its operations.
+// Its shapes are constants in front: T tokens in a window, IN inputs, LDX padded inputs, OUT outputs. All arrays are
+// f32 and row-major. Every sum has a fixed order (no float atomics), so equal inputs give equal bits.
 
 typedef unsigned long long u64;
 
-// Mirror of `Scalars` in step.rs.
+// Mirror of `Scalars` in learner/cuda/optimiser.rs.
 struct Scalars {
     u64 step, bad_step, count;
     double loss_sum, norm_sum;
@@ -17,7 +17,7 @@ __device__ __forceinline__ float warp_sum(float v) {
     return v;
 }
 
-// Sum over the threads of a block, of at most 1024; right in thread 0 alone.
+// Sum over the threads of a block (at most 1024); valid in thread 0 only.
 __device__ __forceinline__ float block_sum(float v) {
     __shared__ float part[32];
     v = warp_sum(v);
@@ -36,8 +36,8 @@ __device__ u64 mix(u64 x) {
     return x ^ (x >> 31);
 }
 
-// One block per row of the batch. Takes window numbers[row], or draws it where there are no numbers, and copies its tokens to
-// u [rows][T][LDX] (zero padded) and y [rows][T][OUT].
+// One block per row of the batch. Copies the tokens of window numbers[row] to u [rows][T][LDX] (zero padded) and target
+// [rows][T][OUT]. If numbers is null, the window is drawn by a hash of (seed, step, row).
 extern "C" __global__ void gather(const float* x, const float* y, float* u, float* target, const Scalars* s, u64 seed,
                                   u64 windows, u64 per, u64 frames, const u64* numbers) {
     const u64 row = blockIdx.x;
@@ -58,15 +58,15 @@ extern "C" __global__ void select_rows(const float* x, const unsigned* last, flo
 
 // ---------------------------------------------------------------- linear
 
-// A scale is folded into the rows of its matrix: W'[i][j] = w[i] W[i][j]. A block a row; the table holds the offsets of its row
-// of W, of w[i], of its row of W', and the columns.
+// Folds a scale into the rows of its matrix: W'[i][j] = w[i] W[i][j]. One block per row; table: offsets of the row of
+// W, of w[i] and of the row of W', and number of columns.
 extern "C" __global__ void fold(const float* flat, float* folded, const int4* table) {
     const int4 t = table[blockIdx.x];
     const float w = flat[t.y];
     for (int j = threadIdx.x; j < t.w; j += blockDim.x) folded[t.z + j] = w * flat[t.x + j];
 }
 
-// From dW' (in place of dW) to dW[i][j] = w[i] dW'[i][j] and dw[i] = sum_j dW'[i][j] W[i][j].
+// From dW' (in place of dW): dW[i][j] = w[i] dW'[i][j] and dw[i] = sum_j dW'[i][j] W[i][j].
 extern "C" __global__ void unfold(const float* flat, float* grad, const int4* table) {
     const int4 t = table[blockIdx.x];
     const float w = flat[t.y];
@@ -114,8 +114,8 @@ extern "C" __global__ void row_partial(const float* x, int rows, int width, floa
     partial[(u64)blockIdx.y * width + c] = sum;
 }
 
-// The squared error of the outputs, a sum per block; `target` becomes the loss's gradient. gain = 2 / (tokens OUT); the gradient is of
-// the pseudo-Huber loss with bend = 1 / delta^2, of the squares where bend is 0.
+// Sum of squared errors by block; `target` becomes the gradient of the loss. gain = 2 / (tokens OUT).
+// bend = 1 / delta^2 of the pseudo-Huber loss, or 0 for squares.
 extern "C" __global__ void loss(const float* said, float* target, float* partial, u64 count, float gain, float bend) {
     float sum = 0.0f;
     for (u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x; i < count; i += (u64)gridDim.x * blockDim.x) {

@@ -1,8 +1,9 @@
-// y = gelu(a) b of rows [a b], `half` numbers each, and the way back; four numbers a thread, which divide `half`.
+// y = gelu(a) b of rows [a b] with `half` numbers each, and its gradient. Four numbers per thread; `half` is a multiple
+// of 4.
 
 __device__ __forceinline__ float share(float x) { return 0.5f + 0.5f * erff(x * 0.70710678118654752f); }
 
-// Where number i of y has its a in x; its b is `half` numbers further.
+// Index in x of the a for entry i of y; its b is `half` further on.
 __device__ __forceinline__ u64 first(u64 i, int half) { return i / half * 2 * half + i % half; }
 
 extern "C" __global__ void gate_forward(const float* x, float4* y, int half, u64 quads) {
@@ -18,7 +19,7 @@ extern "C" __global__ void gate_backward(const float* x, const float4* dy, float
     if (i >= quads) return;
     const u64 at = first(4 * i, half);
     const float4 a = *(const float4*)(x + at), b = *(const float4*)(x + at + half), d = dy[i];
-    auto slope = [](float a) { return share(a) + a * 0.39894228040143268f * expf(-0.5f * a * a); };
-    *(float4*)(dx + at) = make_float4(d.x * b.x * slope(a.x), d.y * b.y * slope(a.y), d.z * b.z * slope(a.z), d.w * b.w * slope(a.w));
+    auto gradient = [](float a) { return share(a) + a * 0.39894228040143268f * expf(-0.5f * a * a); };
+    *(float4*)(dx + at) = make_float4(d.x * b.x * gradient(a.x), d.y * b.y * gradient(a.y), d.z * b.z * gradient(a.z), d.w * b.w * gradient(a.w));
     *(float4*)(dx + at + half) = make_float4(d.x * a.x * share(a.x), d.y * a.y * share(a.y), d.z * a.z * share(a.z), d.w * a.w * share(a.w));
 }

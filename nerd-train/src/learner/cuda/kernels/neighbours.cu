@@ -1,4 +1,4 @@
-// out[row] = [x[row - apart] x[row] x[row + apart]], zeros beyond the ends of a window. One thread per output entry.
+// out[row] = [x[row - apart] x[row] x[row + apart]], zero beyond the ends of a window. One thread per entry.
 
 extern "C" __global__ void neighbours_forward(const float* x, float* out, int width, int apart, u64 count) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;

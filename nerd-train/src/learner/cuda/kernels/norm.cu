@@ -1,8 +1,8 @@
-// Rows of NORM columns, an even number, one warp each.
+// Layer norm of rows of NORM columns (even), one warp per row.
 
-constexpr int PAIRS = (NORM / 2 + 31) / 32; // float2 of one token per lane
+constexpr int PAIRS = (NORM / 2 + 31) / 32; // float2 of a row per lane
 
-// xhat = (x - mean) / sqrt(var + eps). What is not null is added to x before: bias + table[k].
+// xhat = (x - mean) / sqrt(var + eps), after x += bias + table[position] in place; either may be null.
 extern "C" __global__ void norm_forward(float* x, const float* bias, const float* table, float* xhat, float* rstd,
                                         int tokens) {
     const int token = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;

@@ -1,3 +1,4 @@
+// partial[block]: sum of squared gradient entries.
 extern "C" __global__ void square_partial(const float* g, u64 n, float* partial) {
     float sum = 0.0f;
     for (u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x; i < n; i += (u64)gridDim.x * blockDim.x) sum += g[i] * g[i];
@@ -5,7 +6,8 @@ extern "C" __global__ void square_partial(const float* g, u64 n, float* partial)
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
 
-// One block of 256: norm, clip factor, bias corrections, decay of the average, progress; counts the update.
+// Launched as one block of 256: gradient norm, clip factor, bias corrections, decay of the average, progress; counts
+// the update.
 extern "C" __global__ void finish(const float* partial, int count, const float* squares, float mean, float clip,
                                   double average, double beta, Scalars* s) {
     __shared__ double part[256];
@@ -28,7 +30,7 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->scale = (float)fmin(1.0, clip / (norm + 1e-6));
     s->rate = (float)(s->lr / (1.0 - pow(0.9, t)));
     s->root = (float)(1.0 / sqrt(1.0 - pow(beta, t)));
-    // See `blend` in learner/optimiser.rs for the sixteen.
+    // `blend` in learner/optimiser.rs explains the sixteen.
     const double growing = (1.0 + k) / (10.0 + k);
     s->blend = (float)(growing < average ? 1.0 - growing : (s->step + 1) % 16 == 0 ? 1.0 - pow(average, 16.0) : 0.0);
     s->loss_sum += loss;
@@ -37,9 +39,9 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam (with these betas) and the moving average `a`, of parameters outside Muon: for training and PPO. Factors: clip, rate, root of
-// the second correction, share of the average. `a`, `hidden` and `bad` may be null; a run whose loss was not finite leaves the weights as they
-// were.
+// Clip, Adam and moving average `a`, for training and PPO, of parameters outside Muon. factors: clip, rate, root of the
+// second correction, blend of the average. `a`, `hidden` and `bad` may be null. After a loss that is not finite, the
+// weights stay as they were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors, const u64* bad, u64 n,
                                 const unsigned char* hidden, double first, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
@@ -54,14 +56,14 @@ extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, fl
     if (a) a[i] += factors[3] * (x - a[i]);
 }
 
-// Index of entry (r, c) of packed matrix k in the flat vector; rows of the table: offset, stride, transposed.
+// Index of entry i of packed matrix k in the flat vector. Table rows: offset, stride, transposed.
 __device__ __forceinline__ u64 hidden_at(const int4* table, int k, int i, int columns) {
     const int4 t = table[k];
     const int r = i / columns, c = i % columns;
     return t.x + (t.z ? (u64)c * t.y + r : (u64)r * t.y + c);
 }
 
-// Momentum and its look-ahead, packed [matrix][rows][columns]. Grid (ceil(rows columns / 256), matrices).
+// Updates the momentum and packs its Nesterov step, [matrix][rows][columns]. Grid (ceil(rows columns / 256), matrices).
 extern "C" __global__ void muon_pack(const float* g, float* m, float* x, const int4* table, const Scalars* s, float beta,
                                      int rows, int columns) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
@@ -73,7 +75,7 @@ extern "C" __global__ void muon_pack(const float* g, float* m, float* x, const i
     x[(u64)blockIdx.y * rows * columns + i] = beta * mean + (1.0f - beta) * d;
 }
 
-// Divides each packed matrix of n entries by its Frobenius norm. One block of 1024 a matrix.
+// Divides each packed matrix of n entries by its Frobenius norm. One block of 1024 per matrix.
 extern "C" __global__ void muon_unit(float* x, int n) {
     __shared__ float scale;
     x += (u64)blockIdx.x * n;

@@ -1,7 +1,7 @@
-// What the way back of SHAC needs of a rollout beside task, solver and networks, as shac/back.rs has it.
+// Kernels of SHAC's backward pass beside task, solver and networks, as in shac/back.rs.
 
-// By environment, from its first step to its last: what each reward counts, the rows of what steps led to whose value stands for what comes later (or
-// -1; these rows are as `reached` has them), gradients by what V' said of them, and J.
+// Per environment, over its steps: weights of rewards, index of a step's bootstrap row (-1 if none; rows as in
+// `reached`), and J. Writes the gradient of -J with respect to the outputs of V' on bootstrap rows.
 extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char* ends, const double* values, const double* units, double* shares,
                                       int* asked, float* by, double* earned, unsigned* without, int n, int horizon, int slots, int a, int outputs,
                                       double gamma, double scale) {
@@ -28,8 +28,8 @@ extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char
     without[env] = 0;
 }
 
-// The slower critic follows.
-extern "C" __global__ void shac_follow(float* slow, const float* w, float kept, u64 n) {
+// Moves the target critic towards the critic.
+extern "C" __global__ void shac_follow(float* target_critic, const float* w, float kept, u64 n) {
     const u64 i = INDEX;
-    if (i < n) slow[i] = kept * slow[i] + (1.0f - kept) * w[i];
+    if (i < n) target_critic[i] = kept * target_critic[i] + (1.0f - kept) * w[i];
 }

@@ -1,62 +1,64 @@
-//! [`CudaShac`]: SHAC whose rollouts, ways back and critic are on a GPU. Of an iteration come back what steps earned and how they ended, and
-//! the gradient; the policy's step is the CPU's. Episodes that have no kernels are stepped by the CPU's engine, [`Shac`].
+//! [`CudaShac`]: SHAC with rollouts, backward passes and critic on a GPU. Each iteration downloads rewards, ends and
+//! the gradient; the CPU takes the policy's step. Episodes without kernels use the CPU's engine, [`Shac`].
 
-mod way;
+mod backward;
 
 use super::*;
 use crate::ppo::shac::{BETA, KEPT};
-use way::{Rolled, Way};
+use backward::{BackwardPass, Rolled};
 
 /// SHAC on a GPU.
 pub struct CudaShac {
-    /// Its gradient and J belong to the last rollout, made on the CPU or the GPU.
+    /// Holds gradient and J of the last rollout, made on the CPU or the GPU.
     pub shac: Shac,
     engine: CudaEngine,
     critic: Critic,
-    /// Of the present world.
-    way: Option<Way>,
-    /// Whether the last rollout was on the device.
+    /// Backward pass of the present world.
+    way: Option<BackwardPass>,
+    /// Whether the last rollout ran on the device.
     resident: bool,
     spent: Vec<(&'static str, f64)>,
 }
 
-/// The critic's weights on the device with their moments, and the weights of V'.
+/// The critic's weights and Adam moments on the device, and the weights of V'.
 struct Critic {
     weights: Buffer<f32>,
     moments: [Buffer<f32>; 2],
-    slow: Buffer<f32>,
-    /// Whether they are there, and newer than the CPU's.
+    target_critic: Buffer<f32>,
+    /// Whether the device's copy is newer than the CPU's.
     loaded: bool,
 }
 
 impl CudaShac {
-    /// Memory for rollouts and updates under the settings that `shac` was made for.
+    /// Allocates memory for rollouts and updates under the settings of `shac`.
     pub fn new(shac: Shac, policy: &Policy, config: &PpoConfig) -> Result<Self> {
         let mut engine = CudaEngine::new(&policy.shape, config)?;
         engine.beta = BETA;
         let zeros = || engine.net.device.zeros(shac.critic.flat.len());
-        let critic = Critic { weights: zeros()?, moments: [zeros()?, zeros()?], slow: zeros()?, loaded: false };
+        let critic = Critic { weights: zeros()?, moments: [zeros()?, zeros()?], target_critic: zeros()?, loaded: false };
         Ok(Self { shac, engine, critic, way: None, resident: false, spent: Vec::new() })
     }
 
-    /// A rollout on the device and the way back through it.
-    fn travel(&mut self, world: &mut World, mut on: Stage) -> Result<Taken> {
+    /// Runs a rollout on the device and its backward pass.
+    fn travel(&mut self, world: &mut World, mut on: RolloutInput) -> Result<RolloutStats> {
         let mut started = Instant::now();
         self.spent.clear();
         let mut taken = self.engine.stay(world, &mut on)?;
         self.part("rollout", &mut started)?;
         self.load()?;
-        let Stage { episodes, running, policy, config, .. } = on;
+        let RolloutInput { episodes, running, policy, config, .. } = on;
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
         let way = match self.way.take() {
             Some(way) => way,
-            None => Way::new(&self.engine, world, &batch.system.robot, config)?,
+            None => BackwardPass::new(&self.engine, world, &batch.system.robot, config)?,
         };
-        let rolled = Rolled { engine: &self.engine, world, resident, config, slow: self.critic.slow.ptr };
-        for (name, go) in
-            [("values", Way::value as fn(&Way, Rolled) -> Result<(), DeviceError>), ("recall", Way::recall), ("way back", Way::back)]
-        {
+        let rolled = Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
+        for (name, go) in [
+            ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> Result<(), DeviceError>),
+            ("recall", BackwardPass::recall),
+            ("way back", BackwardPass::back),
+        ] {
             go(&way, rolled)?;
             rolled.engine.net.device.wait()?;
             self.spent.push((name, started.elapsed().as_secs_f64()));
@@ -77,21 +79,21 @@ impl CudaShac {
         Ok(taken)
     }
 
-    /// The critic goes to the device, unless it is there.
+    /// Uploads the critic, unless the device has it.
     fn load(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.critic.loaded, true) {
-            let (d, Shac { critic, slow, adam, .. }) = (&self.engine.net.device, &self.shac);
-            let there = [&self.critic.weights, &self.critic.slow, &self.critic.moments[0], &self.critic.moments[1]];
-            there.into_iter().zip([&critic.flat, slow, &adam.m, &adam.v]).try_for_each(|(to, from)| d.write(to, from))?;
+            let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &self.shac);
+            let there = [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
+            there.into_iter().zip([&critic.flat, target_critic, &adam.m, &adam.v]).try_for_each(|(to, from)| d.write(to, from))?;
         }
         Ok(())
     }
 
-    /// The critic learns the returns of the rollout, and V' follows; its mean squared error.
+    /// Trains the critic on the returns of the rollout and moves V'; returns the mean squared error.
     fn learn(&mut self, policy: &mut Policy, config: &PpoConfig, orders: StreamKey) -> Result<f64> {
         let (config, Self { engine, critic, shac, .. }) = (of_critic(config), self);
         let orders = engine.orders(&config, orders)?;
-        engine.goals(policy, false)?;
+        engine.loss_inputs(policy, false)?;
         let mut swap = |engine: &mut CudaEngine| {
             std::mem::swap(&mut engine.weights, &mut critic.weights);
             std::mem::swap(&mut engine.moments, &mut critic.moments);
@@ -100,11 +102,11 @@ impl CudaShac {
         let learned = engine.passes(&mut shac.adam, &config, orders.into_iter());
         swap(engine);
         let n = critic.weights.len;
-        engine.over("shac_follow", n, &[Ptr(critic.slow.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)])?;
+        engine.over("shac_follow", n, &[Ptr(critic.target_critic.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)])?;
         Ok(learned?.terms.critic)
     }
 
-    /// Notes what a part took, once it is done.
+    /// Waits for a stage to end and records its time.
     fn part(&mut self, name: &'static str, started: &mut Instant) -> Result<()> {
         self.engine.net.device.wait()?;
         self.spent.push((name, started.elapsed().as_secs_f64()));
@@ -113,9 +115,9 @@ impl CudaShac {
     }
 }
 
-/// The critic's settings of a pass of PPO: the error of its value is all that counts.
+/// Settings of a PPO pass for the critic: only the value loss counts.
 fn of_critic(config: &PpoConfig) -> PpoConfig {
-    PpoConfig { critic: 1.0, bounds: 0.0, entropy: 0.0, kl: 0.0, value_clip: 0.0, ..config.clone() }
+    PpoConfig { bounds_coef: 0.0, ent_coef: 0.0, target_kl: 0.0, value_clip: 0.0, ..config.clone() }
 }
 
 impl Engine for CudaShac {
@@ -123,7 +125,7 @@ impl Engine for CudaShac {
         self.engine.ahead(&of_critic(config), orders);
     }
 
-    fn roll(&mut self, on: Stage) -> Result<Taken> {
+    fn roll(&mut self, on: RolloutInput) -> Result<RolloutStats> {
         let mut world = self.engine.world(on.episodes)?;
         self.resident = world.is_some();
         let taken = match &mut world {
@@ -139,7 +141,7 @@ impl Engine for CudaShac {
             return self.shac.update(policy, adam, config, orders);
         }
         let mut started = Instant::now();
-        let norm = self.shac.climb(policy, adam, config, orders);
+        let norm = self.shac.policy_step(policy, adam, config, orders);
         self.part("policy", &mut started)?;
         let critic = self.learn(policy, config, orders)?;
         self.engine.seen(policy)?;
@@ -157,11 +159,11 @@ impl Engine for CudaShac {
     }
 
     fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
-        // Whoever asks may change them.
+        // The caller may change them, so the device's copy becomes stale.
         if std::mem::take(&mut self.critic.loaded) {
-            let (d, Shac { critic, slow, adam, .. }) = (&self.engine.net.device, &mut self.shac);
-            let here = [&mut critic.flat, slow, &mut adam.m, &mut adam.v];
-            let there = [&self.critic.weights, &self.critic.slow, &self.critic.moments[0], &self.critic.moments[1]];
+            let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
+            let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
+            let there = [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
             there.into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
         }
         self.shac.learned()

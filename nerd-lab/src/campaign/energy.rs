@@ -1,0 +1,219 @@
+//! Energy conservation on random robots, grounds and starts: no robot may gain energy. Bodies are tossed and spin,
+//! chains hit themselves, legs fall; with one, four and eight substeps, limp or under torques.
+
+use nerd_core::dynamics::totals;
+use nerd_core::state::wrap;
+#[cfg(feature = "cuda")]
+use nerd_sim::articulated::device::{CudaArticulated, Real};
+use rand::RngExt;
+
+use super::text::Dice;
+use crate::prelude::*;
+
+/// Largest gain, as a share of the initial energy plus the absolute work done; on the ground and in free flight.
+const MOST: f64 = 1e-3;
+const MOST_IN_FLIGHT: f64 = 1e-4;
+/// Starts of a case, on the CPU and on a GPU (each case compiles a kernel there).
+const STARTS: usize = 4;
+const STARTS_ON_CARD: usize = 64;
+/// Simulated time of a case (s), and the frames for which torques are held.
+const TIME: f64 = 2.0;
+const HOLD: usize = 10;
+
+/// Start of a case, stored as `start.toml`.
+#[derive(Serialize, Deserialize, Clone, Debug)]
+pub(super) struct Start {
+    seed: u64,
+    /// Root height (m), angular speed (rad/s) and speed (m/s); largest joint rate (rad/s or m/s).
+    height: f64,
+    spin: f64,
+    speed: f64,
+    rate: f64,
+    /// Torques as a share of the robot's largest.
+    torque: f64,
+}
+
+/// Draws a robot's URDF, its TOML and a start.
+pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
+    let flight = dice.random_bool(0.15);
+    let (links, toml) = (dice.random_range(0..6usize).saturating_sub(2), specification(dice, flight));
+    let urdf = robot(dice, links + 1);
+    let upto = |dice: &mut Dice, most: f64| most * dice.random_range(0.0..1.0f64).powi(2);
+    let start = Start {
+        seed: dice.random(),
+        // A chain hangs below its first link: starting inside the ground would add energy.
+        height: 0.8 + 0.3 * links as f64 + upto(dice, 1.2),
+        spin: upto(dice, if flight { 200.0 } else { 60.0 }),
+        speed: upto(dice, 4.0),
+        rate: upto(dice, 20.0),
+        torque: if dice.random() { 0.0 } else { dice.random_range(0.0..1.0) },
+    };
+    let files = [("robot.urdf", urdf), ("robot.toml", toml), ("start.toml", toml::to_string(&start)?)];
+    Ok(files.map(|(name, text)| (name.to_string(), text.into_bytes())).into())
+}
+
+/// A URDF of `count` links with random shapes, in a chain or all on the first link.
+fn robot(dice: &mut Dice, count: usize) -> String {
+    let (star, mut mass, mut text) = (dice.random_bool(0.4), dice.random_range(0.1..3.0f64), String::new());
+    let lighter = dice.random_range(0.3..1.0);
+    for k in 0..count {
+        let (shape, moments) = shape(dice, mass);
+        let [x, y, z] = moments;
+        text += &format!(
+            "<link name=\"l{k}\"><inertial><mass value=\"{mass}\"/><inertia ixx=\"{x}\" iyy=\"{y}\" izz=\"{z}\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>\
+             </inertial><collision><geometry>{shape}</geometry></collision></link>"
+        );
+        if k > 0 {
+            let parent = if star { 0 } else { k - 1 };
+            let turn = std::f64::consts::TAU * k as f64 / (count - 1) as f64;
+            let at = if star { format!("{} {} 0", 0.2 * turn.cos(), 0.2 * turn.sin()) } else { "0 0 -0.25".into() };
+            let axis = ["1 0 0", "0 1 0", "0 0 1"][dice.random_range(0..3)];
+            let (kind, limit) = match dice.random_range(0..3) {
+                0 => ("continuous", "<limit effort=\"5\" velocity=\"50\"/>".to_string()),
+                1 => {
+                    ("revolute", format!("<limit lower=\"-{0}\" upper=\"{0}\" effort=\"5\" velocity=\"50\"/>", dice.random_range(0.3..2.0)))
+                }
+                _ => ("prismatic", "<limit lower=\"-0.1\" upper=\"0.1\" effort=\"20\" velocity=\"5\"/>".to_string()),
+            };
+            let loss = if dice.random() {
+                format!("<dynamics damping=\"{0}\" friction=\"{0}\"/>", dice.random_range(0.0..0.2))
+            } else {
+                String::new()
+            };
+            text += &format!(
+                "<joint name=\"j{k}\" type=\"{kind}\"><parent link=\"l{parent}\"/><child link=\"l{k}\"/><origin xyz=\"{at}\"/>\
+                 <axis xyz=\"{axis}\"/>{limit}{loss}</joint>"
+            );
+            mass *= lighter;
+        }
+    }
+    format!("<robot name=\"drawn\">{text}</robot>")
+}
+
+/// A random shape, and its principal moments of inertia (kg m^2) at this mass.
+fn shape(dice: &mut Dice, mass: f64) -> (String, [f64; 3]) {
+    let mut size = |least: f64, most: f64| dice.random_range(least..most);
+    let [a, b, c] = [size(0.02, 0.2), size(0.02, 0.2), size(0.02, 0.3)];
+    let cylinder = |r: f64, l: f64| [mass * (3.0 * r * r + l * l) / 12.0, mass * (3.0 * r * r + l * l) / 12.0, 0.5 * mass * r * r];
+    match size(0.0, 5.0) as usize {
+        0 => (format!("<sphere radius=\"{a}\"/>"), [0.4 * mass * a * a; 3]),
+        1 => (format!("<box size=\"{a} {b} {c}\"/>"), [b * b + c * c, a * a + c * c, a * a + b * b].map(|x| mass * x / 12.0)),
+        2 => (format!("<cylinder radius=\"{a}\" length=\"{}\"/>", 0.2 * b), cylinder(a, 0.2 * b)),
+        3 => (format!("<cylinder radius=\"{}\" length=\"{c}\"/>", 0.5 * a), cylinder(0.5 * a, c)),
+        _ => (format!("<capsule radius=\"{}\" length=\"{c}\"/>", 0.3 * a), cylinder(0.3 * a, c)),
+    }
+}
+
+/// The TOML of a free robot above random ground, or without gravity.
+fn specification(dice: &mut Dice, flight: bool) -> String {
+    let mut text = String::from("like = \"urdf\"\nfloating = true\n");
+    if dice.random_bool(0.3) {
+        text += "self_collision = true\n";
+    }
+    if flight {
+        return text + "gravity = [0.0, 0.0, 0.0]\n";
+    }
+    if dice.random_bool(0.7) {
+        let mut number = |least: f64, most: f64| 10f64.powf(dice.random_range(least..most));
+        let (stiffness, damping) = (number(3.0, 5.0), number(0.0, 3.0));
+        let (damping, friction) = if dice.random_bool(0.3) { (0.0, 0.0) } else { (damping, dice.random_range(0.0..1.2)) };
+        text += &format!("material = {{ stiffness = {stiffness}, damping = {damping}, friction_damping = 1e3, friction = {friction} }}\n");
+    }
+    let lean = if dice.random_bool(0.3) { dice.random_range(-0.4..0.4) } else { 0.0 };
+    let grounds = [
+        "",
+        "",
+        "terrain = { kind = \"rubble\", height = 0.05, cell = 0.1 }\n",
+        "terrain = { kind = \"slopes\", height = 0.2, cell = 0.3 }\n",
+        "terrain = { kind = \"steps\", height = 0.1, cell = 0.3 }\n",
+        "box = [{ size = [0.4, 0.4, 0.2], position = [0.0, 0.0, 0.1] }]\npeg = [{ radius = 0.05, height = 0.3, position = [0.0, 0.4, 0.15] }]\n",
+    ];
+    let ground = grounds[dice.random_range(0..grounds.len())];
+    let lean = if ground.is_empty() { lean } else { 0.0 };
+    text + &format!("[[scene]]\nname = \"ground\"\nplane = {{ height = 0.0, angles = [0.0, {lean}, 0.0] }}\n{ground}")
+}
+
+/// Steps a case. `Err` if its files are refused, `Some` message if the energy gain is too large.
+pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<String>> {
+    let text = |name: &str| -> Result<&str> {
+        let (_, bytes) = files.iter().find(|(own, _)| own == name).with_context(|| format!("no {name}"))?;
+        Ok(std::str::from_utf8(bytes)?)
+    };
+    let system = Arc::new(System::from_text("robot", text("robot.urdf")?, Some(text("robot.toml")?))?);
+    let start: Start = toml::from_str(text("start.toml")?)?;
+    let flight = system.gravity().norm() == 0.0;
+    let scene = system.scene(if flight { "free" } else { "ground" })?;
+    let most = if flight && !system.spec.self_collision { MOST_IN_FLIGHT } else { MOST };
+    for substeps in [1, 4, 8] {
+        let config = ArticulatedConfig::implicit(substeps, Friction::Coulomb);
+        let starts = if card { STARTS_ON_CARD } else { STARTS };
+        let (gain, frame) = gain(&system, &scene, &start, starts, &mut *solver(config, card)?)?;
+        // NaN counts as a gain.
+        if gain > most || gain.is_nan() {
+            return Ok(Some(format!("gains {gain:.1e} of its energy at x{substeps}, by frame {frame}")));
+        }
+    }
+    Ok(None)
+}
+
+/// The solver; on a GPU in f32.
+fn solver(config: ArticulatedConfig, card: bool) -> Result<Box<dyn Solver>> {
+    if !card {
+        return Ok(Box::new(Articulated::new(config)));
+    }
+    #[cfg(feature = "cuda")]
+    return Ok(Box::new(CudaArticulated::new(config, Real::F32)));
+    #[cfg(not(feature = "cuda"))]
+    bail!("--device cuda needs a build with `--features cuda`");
+}
+
+/// Largest relative energy gain over all starts, and its frame.
+fn gain(system: &Arc<System>, scene: &Arc<Scene>, start: &Start, starts: usize, solver: &mut dyn Solver) -> Result<(f64, usize)> {
+    let (mut batch, mut data, mut dice) = (Batch::new(system, scene, starts), Data::new(&system.robot), stream(start.seed, 0));
+    let (nq, joints) = (system.robot.nq(), system.robot.joint_count());
+    for env in 0..starts {
+        let state = batch.state_mut(env);
+        let mut drawn = |size: f64| Vector3::from_fn(|_, _| dice.random_range(-1.0..1.0f64)).normalize() * size;
+        let (turn, w, v, place) = (drawn(3.0), drawn(start.spin), drawn(start.speed), Vector3::z() * start.height);
+        state[..3].copy_from_slice(place.as_slice());
+        let half = 0.5 * turn.norm();
+        state[3..6].copy_from_slice((turn * (half.sin() / turn.norm())).as_slice());
+        state[6] = half.cos();
+        state[nq..nq + 3].copy_from_slice(w.as_slice());
+        state[nq + 3..nq + 6].copy_from_slice((v - w.cross(&place)).as_slice());
+        state[nq + 6..].iter_mut().for_each(|x| *x = start.rate * dice.random_range(-1.0..1.0));
+    }
+    let mut energy = |state: &[f64]| {
+        let own = totals(&system.robot, state, &mut data);
+        (own.energy(&scene.gravity), own.kinetic + own.mass * scene.gravity.norm() * start.height)
+    };
+    let begun: Vec<(f64, f64)> = (0..starts).map(|env| energy(batch.state(env))).collect();
+    let largest = system.torque_amplitudes();
+    let (mut torques, mut work, mut worst) = (vec![0.0; starts * joints], vec![(0.0, 0.0); starts], (0.0f64, 0));
+    for frame in 0..(TIME / system.frame_time) as usize {
+        if frame % HOLD == 0 {
+            let draw = |k: usize| start.torque * largest[k % joints] * dice.random_range(-1.0..1.0);
+            torques = (0..starts * joints).map(draw).collect();
+        }
+        let before = batch.states.clone();
+        solver.step(&mut batch, &torques)?;
+        for (env, ((work, effort), (first, size))) in work.iter_mut().zip(&begun).enumerate() {
+            let (now, then) = (batch.state(env), &before[env * system.robot.state_dim()..]);
+            for (k, joint) in system.robot.joints().enumerate() {
+                let mut way = now[7 + k] - then[7 + k];
+                if joint.wraps() {
+                    // Above half a turn a frame, the joint rate decides the number of turns.
+                    let told = 0.5 * system.frame_time * (now[nq + 6 + k] + then[nq + 6 + k]);
+                    way = told + wrap(way - told);
+                }
+                let done = torques[env * joints + k] * way;
+                (*work, *effort) = (*work + done, *effort + done.abs());
+            }
+            let gain = (energy(batch.state(env)).0 - first - *work) / (size + *effort);
+            if gain > worst.0 || gain.is_nan() {
+                worst = (gain, frame);
+            }
+        }
+    }
+    Ok(worst)
+}

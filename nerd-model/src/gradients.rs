@@ -1,0 +1,169 @@
+//! Vector-Jacobian products around the network: of a token with respect to the state, and of the next state with
+//! respect to prediction and state.
+//!
+//! A gradient with respect to a state has the `2 nv` numbers of its tangent space: `[pose, velocities]`, each laid out
+//! as `qd`, angular part first. A free root has a rotation vector, a translation (m), an angular and a linear velocity,
+//! all in its **body axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. With the predicted change
+//! `(d, n, c_a, c_b)` of the root a frame is
+//!
+//! ```text
+//! A = a + c_a   B = b + c_b + A x d   x' = x + R d   R' = R n   a' = n^-1 A   b' = n^-1 B
+//! ```
+//!
+//! and joints add. Gradients neglect the curvature of surfaces: normals rotate with the root, but do not change with
+//! position. The deepest point of a hull or rim and the set of visible contacts are held constant.
+
+use nalgebra::Quaternion;
+use nerd_core::tangent::{push, wrenches_back};
+use nerd_core::{dynamics::velocities, frames::own_velocity};
+
+use crate::features::{Features, nearness_gradient, waves};
+use crate::form::View;
+use crate::prelude::*;
+
+/// The arguments of a token.
+pub struct Seen<'a> {
+    /// State `[q, qd]`.
+    pub state: &'a [f64],
+    /// Contact events of all contact points.
+    pub contacts: &'a [ContactEvent],
+    /// Gravity (m/s^2).
+    pub gravity: Vector3<f64>,
+    /// Content of the token.
+    pub view: View,
+    /// Frame time (s).
+    pub frame_time: f64,
+}
+
+/// Adjoint of [`Features::token`]: adds to `gradient[2 nv]` the gradient with respect to the state, from
+/// `by_token[inputs]`, the gradient with respect to the unnormalised token.
+pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, gradient: &mut [f64]) {
+    let Seen { state, contacts, gravity, view, frame_time } = seen;
+    let moving = *view == View::Moving;
+    let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
+    let mut rest = by_token;
+    let mut take = |n: usize| {
+        let (now, later) = rest.split_at(n);
+        rest = later;
+        now
+    };
+    // In its own frame the root has a constant pose.
+    take(robot.root_coords());
+    let by_angles = take(joints);
+    gradient[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += *g);
+    let ends: Vec<usize> = robot.joints().map(|joint| if moving { waves(joint) } else { 0 }).collect();
+    let mut end = &by_token[by_token.len() - ends.iter().sum::<usize>()..];
+    for (i, (count, by)) in ends.into_iter().zip(by_angles).enumerate() {
+        let (own, later) = end.split_at(count);
+        let (sin, cos) = state[robot.root_coords() + i].sin_cos();
+        gradient[dofs + i] += match *own {
+            [by_cos] => by * cos - by_cos * sin,
+            [by_sin, by_cos] => by + by_sin * cos - by_cos * sin,
+            _ => *by,
+        };
+        end = later;
+    }
+    if !Features::situated(robot) {
+        return;
+    }
+    kinematics(robot, state, data);
+    if moving {
+        let (q, qd) = robot.split(state);
+        velocities(robot, &qd.to_local(robot, q).0, data);
+    }
+    let (r, o) = (data.rotation[0], data.origin + data.position[0]);
+    let mut loads = vec![Wrench::default(); robot.links.len()];
+    // Gradients with respect to rotation and translation of the root frame (body axes).
+    let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
+    let count = contacts.len();
+    let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
+    let [speeds, nears] = if moving { [take(3 * count), take(2 * count)] } else { [&[][..]; 2] };
+    let mut impulses = vec![Wrench::default(); robot.links.len()];
+    let three = |all: &[f64], k: usize| vector(&all[3 * k..]);
+    for (k, (event, point)) in contacts.iter().zip(&robot.contact_points).enumerate() {
+        if event.distance >= point.threshold() {
+            continue;
+        }
+        let (by_normal, by_place) = (three(normals, k), three(places, k));
+        turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
+        shift -= by_place;
+        // The nearest surface point follows the contact point along the surface.
+        let by_p1 = r * by_place;
+        let mut by_depth = depths[k];
+        if moving {
+            let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
+            let velocity = data.velocity[point.link].at(&at);
+            let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
+            let [now, later] = [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearness_gradient(gap(ahead)));
+            let by_closing = later * frame_time;
+            by_depth += now + later;
+            let along = r * by_speed + event.normal * by_closing;
+            impulses[point.link] += Wrench::force_at(along, &at);
+            quickened(robot, data, point.link, &at, &along, gradient);
+            // A floating root's velocity is expressed in axes that rotate with it.
+            turn +=
+                if robot.floating() { r.tr_mul(&velocity.cross(&event.normal)) * by_closing } else { by_speed.cross(&r.tr_mul(&velocity)) };
+        }
+        let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
+        push(data, point, event, force, &mut loads);
+    }
+    take(joints);
+    let by_gravity = three(take(3), 0);
+    for link in 1..if moving { loads.len() } else { 0 } {
+        for (column, by) in data.rotation[link].column_iter().zip([take(3), take(3)]) {
+            let (axis, by) = (column.into_owned(), vector(by));
+            turn += by.cross(&r.tr_mul(&axis));
+            loads[link].ang += axis.cross(&(r * by));
+        }
+    }
+    turn += by_gravity.cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));
+    let at = o - data.origin;
+    loads[0] += Wrench::force_at(r * shift, &at);
+    loads[0].ang += r * turn;
+    wrenches_back(robot, data, &mut loads, gradient);
+    wrenches_back(robot, data, &mut impulses, &mut gradient[nv..]);
+}
+
+/// Adds the gradient of `along . v`, v the velocity of a link's point at `x`, with respect to the link's joints. For a
+/// joint axis `(a, b)`, `w` the parent's angular velocity and `u` the point's velocity relative to the parent:
+/// `dv = w x (a x x + b) + a x u`.
+fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &Vector3<f64>, gradient: &mut [f64]) {
+    let velocity = data.velocity[link].at(x);
+    for i in robot.ancestors(link).filter(|i| robot.links[*i].joint.is_some()) {
+        let parent = robot.links[i].parent.map_or(Motion::default(), |p| data.velocity[p]);
+        let way = parent.ang.cross(&data.axis[i].at(x)) + data.axis[i].ang.cross(&(velocity - parent.at(x)));
+        gradient[data.dof[i]] += along.dot(&way);
+    }
+}
+
+/// Adjoint of [`Features::apply`] for the gradient `upstream[2 nv]` with respect to the next state. Adds the gradient
+/// with respect to the state to `gradient[2 nv]`, and writes the gradient with respect to `change` to `by_change`.
+pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64], gradient: &mut [f64], by_change: &mut [f64]) {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    for i in 0..nv - dofs {
+        by_change[coords + i] = upstream[dofs + i];
+        by_change[nq + dofs + i] = upstream[nv + dofs + i];
+        gradient[dofs + i] += upstream[dofs + i];
+        gradient[nv + dofs + i] += upstream[nv + dofs + i];
+    }
+    if !robot.floating() {
+        return;
+    }
+    let [a, b] = own_velocity(state, nq);
+    let (d, raw) = (vector(change), raw_quaternion(&change[3..]));
+    let n = UnitQuaternion::from_quaternion(raw);
+    let part = |all: &[f64], at: usize| vector(&all[at..]);
+    let spin = a + part(change, nq);
+    let speed = b + part(change, nq + 3) + spin.cross(&d);
+    let [by_turn, by_shift, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| part(upstream, at));
+    let (by_spin, by_speed, by_x) = (n * by_a, n * by_b, n * by_shift);
+    let by_own = by_spin + d.cross(&by_speed);
+    let by_n = by_turn + by_a.cross(&n.inverse_transform_vector(&spin)) + by_b.cross(&n.inverse_transform_vector(&speed));
+    let by_quaternion = n.into_inner() * Quaternion::from_imag(by_n * (2.0 / raw.norm()));
+    by_change[..3].copy_from_slice((by_x + by_speed.cross(&spin)).as_slice());
+    by_change[3..7].copy_from_slice(by_quaternion.coords.as_slice());
+    by_change[nq..nq + 3].copy_from_slice(by_own.as_slice());
+    by_change[nq + 3..nq + 6].copy_from_slice(by_speed.as_slice());
+    let parts = [(0, n * by_turn + d.cross(&by_x)), (3, by_x), (nv, by_own), (nv + 3, by_speed)];
+    parts.iter().for_each(|(at, g)| gradient[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
+}

@@ -1,0 +1,29 @@
+//! Friction that sticks, of slip (`touch.rs`) and of rotation (`turning.rs`).
+
+use super::force::drag;
+use crate::prelude::*;
+
+/// Drag of a sticking contact, in units of `1 / (h w)`. A solve leaves about a thousandth of the slip. So a few solves
+/// make friction stick, and the matrix stays well conditioned.
+pub(super) const STICK_DRAG: f64 = 2e3;
+/// Least w across the normal (1/kg): a point that cannot move there needs no larger drag.
+pub(super) const MIN_INV_MASS: f64 = 1e-12;
+/// Factor on the wrench that a contact holds with in a substep's later stages. It adds the force that stops the slip
+/// left by the stage before, where w is isotropic across the normal.
+pub(super) const HELD_FACTOR: f64 = 1.0 + 2.0 / STICK_DRAG;
+
+/// Fraction of the slip that the excess over the friction cone would give the contact's own inertia, assumed at
+/// breakaway. With all of that slip, the points of one body would stick and slip in turns.
+pub(super) const BREAKAWAY: f64 = 0.5;
+/// Solves of a substep with such a breakaway; then drags settle.
+pub(super) const BREAKAWAY_SOLVES: usize = 6;
+
+/// Drag (N s/m or N m s/rad) at a slip `rate` (m/s or rad/s) under a normal force (N). `inertia` is the effective
+/// inertia over the substep. Where the drag `before` exceeds `inertia`, and its force the friction cone, the rate
+/// includes the breakaway slip. Otherwise each solve would reduce a sticking drag only by the ratio of its force to the
+/// cone.
+pub(super) fn breaking(normal: f64, rate: f64, before: f64, law: &Material, inertia: f64) -> f64 {
+    let over = rate * before - law.friction * normal;
+    let leap = if over > 0.0 && before > inertia { BREAKAWAY * over / inertia } else { 0.0 };
+    drag(normal, rate + leap, law, Friction::Coulomb)
+}

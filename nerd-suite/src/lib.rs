@@ -1,0 +1,62 @@
+#![doc = include_str!("../README.md")]
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+pub mod bodies;
+mod row;
+mod rows;
+mod trial;
+
+pub use row::{Cell, Line, Row, Verdict};
+pub use trial::{Error, Method, rise};
+
+/// The rows to run.
+#[derive(Clone, Debug)]
+pub struct Suite {
+    rows: Vec<&'static Row>,
+}
+
+impl Default for Suite {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Suite {
+    /// All rows.
+    pub fn new() -> Self {
+        Self { rows: rows::all().collect() }
+    }
+
+    /// Keeps the rows with one of `words` in their names; all rows without words. A word that matches no row is
+    /// refused.
+    pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
+        let has = |row: &Row, word: &str| row.name.contains(word);
+        if let Some(word) = words.iter().map(AsRef::as_ref).find(|word| !self.rows.iter().any(|row| has(row, word))) {
+            let names: Vec<String> = self.rows.iter().map(|row| format!("`{}`", row.name)).collect();
+            return Err(Error::Row(word.into(), names.join(", ")));
+        }
+        self.rows.retain(|row| words.is_empty() || words.iter().any(|word| has(row, word.as_ref())));
+        Ok(self)
+    }
+
+    /// The rows, in the order of tables.
+    pub fn rows(&self) -> &[&'static Row] {
+        &self.rows
+    }
+
+    /// Runs every row with every method, on all cores. `progress` receives the number of finished cells (rows x
+    /// methods).
+    pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
+        let done = AtomicUsize::new(0);
+        let measure = |row: &Row, method: &Method| {
+            let cell = row.cell(method);
+            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+            cell
+        };
+        let line = |row: &&'static Row| row.line(methods.par_iter().map(|m| measure(row, m)).collect());
+        self.rows.par_iter().map(line).collect()
+    }
+}

@@ -1,0 +1,154 @@
+//! A row: a question with a measured figure, a limit and the limit's source; cells with verdicts.
+
+use std::fmt;
+
+use super::trial::{Error, Method, Trial};
+use nerd_sim::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Measures the figure of a row; an error means that the scene could not be made or stepped.
+type Measure = fn(&Trial) -> Result<f64, Error>;
+
+/// A scene and the figure measured in it.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    /// Name.
+    pub name: &'static str,
+    /// Meaning of the figure.
+    pub figure: &'static str,
+    /// Unit of the figure, or the quantity it is relative to; empty for a pure number.
+    pub unit: &'static str,
+    /// Source of the limit: an equation, or published tests.
+    pub source: &'static str,
+    /// Reason for the row, in one sentence.
+    pub why: &'static str,
+    /// Largest figure that passes; up to ten times as much is degraded.
+    pub limit: f64,
+    measure: Measure,
+}
+
+impl Row {
+    pub(super) const fn new(name: &'static str, figure: &'static str, unit: &'static str, limit: f64, measure: Measure) -> Self {
+        Self { name, figure, unit, source: "", why: "", limit, measure }
+    }
+
+    pub(super) const fn source(self, source: &'static str) -> Self {
+        Self { source, ..self }
+    }
+
+    pub(super) const fn why(self, why: &'static str) -> Self {
+        Self { why, ..self }
+    }
+
+    /// The row's line of results, with a cell per method.
+    pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
+        let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
+        Line { row, figure, unit, source, why, limit: self.limit, cells }
+    }
+
+    /// Runs the row with a method.
+    pub fn cell(&self, method: &Method) -> Cell {
+        let trial = Trial::new(method);
+        match (self.measure)(&trial) {
+            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell { figure: None, lost: None, verdict: Verdict::Unasked },
+            measured => Cell::new(measured, trial.lost.take(), self.limit),
+        }
+    }
+
+    /// Whether a correct solver must pass. Three rows use gains beyond the stability limit of any step, to show the
+    /// failure.
+    pub fn must_pass(&self) -> bool {
+        !matches!(self.name, "ANYmal kp 200" | "ANYmal kp 2000" | "ANYmal kp 5000")
+    }
+}
+
+/// Verdict of a row under a method.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// The figure is at most the limit.
+    Pass,
+    /// The figure is at most ten times the limit.
+    Degraded,
+    /// The figure is larger, or the solver failed.
+    Fail,
+    /// The row does not apply to the method.
+    Unasked,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Pass => "pass",
+            Self::Degraded => "degraded",
+            Self::Fail => "fail",
+            Self::Unasked => "unasked",
+        })
+    }
+}
+
+/// A measured cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// The figure; if the solver failed, of the motion before. `None` where nothing was measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub figure: Option<f64>,
+    /// The solver's error, if it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<String>,
+    /// Verdict of the figure against the limit.
+    pub verdict: Verdict,
+}
+
+impl Cell {
+    /// Compares a figure with a limit; `lost` is the solver's error, if it failed.
+    fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
+        // Stands for infinity: beyond all limits, but finite.
+        const HUGE: f64 = 1e300;
+        let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
+        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
+        let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
+        let verdict = match figure {
+            _ if lost.is_some() => Verdict::Fail,
+            x if x <= limit => Verdict::Pass,
+            x if x <= 10.0 * limit => Verdict::Degraded,
+            _ => Verdict::Fail,
+        };
+        Self { figure: Some(figure), lost, verdict }
+    }
+}
+
+impl fmt::Display for Cell {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.figure {
+            Some(figure) => f.pad(&format!("{figure:<8.2e} {}", self.verdict)),
+            None => self.verdict.fmt(f),
+        }
+    }
+}
+
+/// A row with its cells, as in tables and files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Line {
+    /// Name of the row.
+    pub row: String,
+    /// Meaning of the figure.
+    pub figure: String,
+    /// Unit of the figure, or the quantity it is relative to; empty for a pure number.
+    pub unit: String,
+    /// Source of the limit.
+    pub source: String,
+    /// Reason for the row.
+    pub why: String,
+    /// Largest figure that passes.
+    pub limit: f64,
+    /// Cells, in the order of the methods.
+    pub cells: Vec<Cell>,
+}
+
+impl Line {
+    /// The figure with its unit in brackets.
+    pub fn asked(&self) -> String {
+        if self.unit.is_empty() { self.figure.clone() } else { format!("{} ({})", self.figure, self.unit) }
+    }
+}

@@ -1,0 +1,224 @@
+//! Methods (solvers with settings, the columns of the suite), and motions under a method.
+
+use std::cell::RefCell;
+
+use nerd_sim::prelude::*;
+
+/// Errors of the suite.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// No row has this word in its name. Fields: the word, names of all rows.
+    #[error("no row has `{0}` in its name; choose from {1}")]
+    Row(String, String),
+    /// The system or scene of a row cannot be made.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// The solver failed before anything was measured.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// The row needs the method with four times the substeps, and the method has no such setting.
+    #[error("the method names no finer setting (`Method::finer`)")]
+    NoFiner,
+}
+
+type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
+
+/// A named solver with settings.
+#[derive(Clone)]
+pub struct Method {
+    /// Name of the column.
+    pub name: String,
+    make: Make,
+    finer: Option<Make>,
+    pub(super) rigid: bool,
+    kin: Option<&'static str>,
+}
+
+impl Method {
+    /// A method of any solver; `make` builds a new solver for each motion of a system.
+    pub fn new(name: impl Into<String>, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
+        Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
+    }
+
+    /// Adds the solver with four times the substeps, for self-convergence; without it these rows are skipped.
+    #[must_use]
+    pub fn finer(mut self, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
+        self.finer = Some(Arc::new(make));
+        self
+    }
+
+    /// A new solver for a motion of a system.
+    pub fn solver(&self, system: &Arc<System>) -> Box<dyn Solver> {
+        (self.make)(system)
+    }
+
+    /// The method with a wrapper around its solver.
+    #[must_use]
+    pub fn around(self, wrap: impl Fn(Box<dyn Solver>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
+        let wrap = Arc::new(wrap);
+        let both = |make: Make| -> Make {
+            let wrap = wrap.clone();
+            Arc::new(move |system| wrap(make(system)))
+        };
+        Self { make: both(self.make), finer: self.finer.map(&both), ..self }
+    }
+
+    /// Marks contacts as rigid: a body at rest lies on the surface instead of `m g / k` below it.
+    #[must_use]
+    pub fn rigid(mut self) -> Self {
+        self.rigid = true;
+        self
+    }
+
+    /// Gives built-in robots the materials and substeps of `NAME-{kin}`, for example `paper` for the reference
+    /// simulator's.
+    #[must_use]
+    pub fn made_as(mut self, kin: &'static str) -> Self {
+        self.kin = Some(kin);
+        self
+    }
+}
+
+/// A method under test.
+pub struct Trial<'a> {
+    pub method: &'a Method,
+    /// The solver's error, if it failed; the motion then stays at the last state.
+    pub lost: RefCell<Option<String>>,
+}
+
+/// A motion: states after 0, 1, 2, ... frames.
+pub struct Motion {
+    system: Arc<System>,
+    scene: Arc<Scene>,
+    pub states: Vec<Vec<f64>>,
+    /// Work (J) of the motors up to each state: a torque held constant over a frame does the work `tau dq`.
+    pub work: Vec<f64>,
+}
+
+impl Motion {
+    /// Mass, momentum and energy of every state.
+    pub fn totals(&self) -> Vec<Totals> {
+        let mut data = Data::new(&self.system.robot);
+        self.states.iter().map(|s| totals(&self.system.robot, s, &mut data)).collect()
+    }
+
+    /// Energy (J) of every state.
+    pub fn energies(&self) -> Vec<f64> {
+        self.totals().iter().map(|t| t.energy(&self.scene.gravity)).collect()
+    }
+
+    /// Energy (J) stored in springs at each state ([`System::stored`]).
+    pub fn stored(&self) -> Vec<f64> {
+        let mut data = Data::new(&self.system.robot);
+        self.states.iter().map(|s| self.system.stored(&self.scene, s, &mut data)).collect()
+    }
+
+    /// The figure of a motion that must stay above the ground. Infinity (a failure) if a contact point was ever deeper
+    /// than 0.3 m, which means that it fell through. A correct motion in these rows penetrates at most 0.13 m (the tip
+    /// of a pendulum on impact).
+    pub fn above(&self, figure: f64) -> f64 {
+        let (robot, mut data, mut events) = (&self.system.robot, Data::new(&self.system.robot), Vec::new());
+        let fell = self.states.iter().any(|state| {
+            contacts(&self.system, &self.scene, state, &mut data, &mut events);
+            robot.contact_points.iter().zip(&events).any(|(point, event)| point.radius - event.distance > 0.3)
+        });
+        if fell { f64::INFINITY } else { figure }
+    }
+
+    /// The last state.
+    pub fn last(&self) -> &[f64] {
+        &self.states[self.states.len() - 1]
+    }
+}
+
+/// Largest increase of an energy (J) over its previous minimum.
+pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
+    let mut least = f64::INFINITY;
+    energies.into_iter().fold(0.0, |rise, e| {
+        least = least.min(e);
+        rise.max(e - least)
+    })
+}
+
+/// Sets the torques of a frame from the state: `(state, torques)`.
+pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
+
+impl<'a> Trial<'a> {
+    pub fn new(method: &'a Method) -> Self {
+        Self { method, lost: RefCell::new(None) }
+    }
+
+    /// A built-in robot, equal for all methods except for materials and substeps.
+    pub fn robot(&self, name: &str) -> Result<Arc<System>, Error> {
+        let system = System::named(name)?;
+        let Some(kin) = self.method.kin else { return Ok(system) };
+        let (mut system, kin) = ((*system).clone(), System::named(&format!("{name}-{kin}"))?.spec.clone());
+        (system.spec.material, system.spec.scenes) = (kin.material, kin.scenes);
+        (system.spec.substeps, system.spec.refresh) = (kin.substeps, kin.refresh);
+        Ok(Arc::new(system))
+    }
+
+    /// Rolls out `frames` frames without torques.
+    pub fn passive(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
+        self.driven(system, scene, start, frames, &mut |_, _| ())
+    }
+
+    /// Rolls out under torques set by `drive(state, torques)`. Stores an error of the solver in `lost`.
+    pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, Error> {
+        self.under(&mut *(self.method.make)(system), system, scene, start, frames, drive)
+    }
+
+    /// Rolls out without torques, by the method with four times the substeps.
+    pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
+        let finer = self.method.finer.as_ref().ok_or(Error::NoFiner)?;
+        self.under(&mut *finer(system), system, scene, start, frames, &mut |_, _| ())
+    }
+
+    /// Rolls out without torques, by a solver that has stepped ten frames from `other` and was then reset.
+    pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
+        let mut solver = (self.method.make)(system);
+        self.under(&mut *solver, system, scene, other, 10, &mut |_, _| ())?;
+        solver.reset(0);
+        self.under(&mut *solver, system, scene, start, frames, &mut |_, _| ())
+    }
+
+    fn under(
+        &self,
+        solver: &mut dyn Solver,
+        system: &Arc<System>,
+        scene: &str,
+        start: &[f64],
+        frames: usize,
+        drive: &mut Drive,
+    ) -> Result<Motion, Error> {
+        let scene = system.scene(scene)?;
+        let mut batch = Batch::new(system, &scene, 1);
+        batch.reset(0, start);
+        let mut torques = vec![0.0; system.robot.joint_count()];
+        let (mut states, mut work) = (vec![start.to_vec()], vec![0.0]);
+        for _ in 0..frames {
+            drive(batch.state(0), &mut torques);
+            if let Err(error) = solver.step(&mut batch, &torques) {
+                if matches!(error, StepError::Refused(_)) {
+                    return Err(error.into());
+                }
+                self.lost.borrow_mut().get_or_insert(error.to_string());
+                states.resize(frames + 1, batch.state(0).to_vec());
+                work.resize(frames + 1, work[work.len() - 1]);
+                break;
+            }
+            work.push(work[work.len() - 1] + done(system, &torques, [&states[states.len() - 1], batch.state(0)]));
+            states.push(batch.state(0).to_vec());
+        }
+        Ok(Motion { system: system.clone(), scene, states, work })
+    }
+}
+
+/// Work (J) of torques held constant between two states.
+fn done(system: &System, torques: &[f64], [before, after]: [&[f64]; 2]) -> f64 {
+    let at = system.robot.root_coords();
+    let ways = after[at..].iter().zip(&before[at..]).zip(system.robot.joints());
+    let ways = ways.map(|((after, before), joint)| if joint.wraps() { wrap(after - before) } else { after - before });
+    torques.iter().zip(ways).map(|(torque, way)| torque * way).sum()
+}

@@ -1,0 +1,166 @@
+//! A task whose formulas are recorded for one robot.
+
+use std::ops::Deref;
+
+use nerd_sim::articulated::device::Reach;
+use nerd_sim::prelude::*;
+
+use super::program::{Inputs, Program};
+use super::tape::{Given, Leaf, Tape, Traced};
+use super::{Number, Sight, text};
+use crate::{Task, View, Work};
+
+/// A task whose formulas are recorded for one robot: evaluated on the CPU, differentiated, and written as GPU kernels.
+pub struct Compiled {
+    task: Arc<dyn Task>,
+    system: Arc<System>,
+    pub(super) observe: Program,
+    pub(super) act: Program,
+    /// The reward, followed by its terms.
+    pub(super) reward: Program,
+    pub(super) terminated: Program,
+    /// No result for a task without a success criterion.
+    pub(super) error: Program,
+    /// The first formula that asks for what does not exist; its results are NaN.
+    wrong: Option<String>,
+}
+
+impl Deref for Compiled {
+    type Target = dyn Task;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.task
+    }
+}
+
+impl Compiled {
+    /// Records a task's formulas for a robot.
+    pub fn new(task: impl Into<Arc<dyn Task>>, system: &Arc<System>) -> Self {
+        let (task, mut wrong): (Arc<dyn Task>, _) = (task.into(), None);
+        let own = &*task;
+        let (about, joints) = (own.about(), system.robot.joint_count());
+        let of = (own, &**system);
+        // A NaN shows an entry that the task leaves out.
+        let observe = recorded(of, "observe", &mut wrong, |sight| {
+            let mut out = vec![Traced::Number(f64::NAN); about.observation];
+            own.observe(sight, &mut out);
+            out
+        });
+        let act = recorded(of, "act", &mut wrong, |sight| {
+            let mut torques = vec![Traced::Number(0.0); joints];
+            own.act(sight, &sight.action(about.action), &mut torques);
+            torques
+        });
+        let reward = recorded(of, "reward", &mut wrong, |sight| {
+            let bound = |joint: usize| {
+                let tau = sight.tape.leaf(Leaf::Torque(joint));
+                let most = if own.controlled() { system.torque_limit(joint) } else { f64::INFINITY };
+                if most.is_finite() { tau.max((-most).into()).min(most.into()) } else { tau }
+            };
+            own.rewards(sight, &(0..joints).map(bound).collect::<Vec<_>>())
+        });
+        let terminated = recorded(of, "terminated", &mut wrong, |sight| vec![own.terminated(sight)]);
+        let error = recorded(of, "error", &mut wrong, |sight| own.error(sight).into_iter().collect());
+        Self { system: system.clone(), observe, act, reward, terminated, error, wrong, task }
+    }
+
+    /// The robot of the recording.
+    pub fn recorded_for(&self) -> &Arc<System> {
+        &self.system
+    }
+
+    /// Refuses a task with a size out of range, or a formula that asks for what does not exist.
+    pub fn check(&self) -> Result<(), String> {
+        self.about().check().map_err(|e| format!("task `{}`: {e}", self.name()))?;
+        self.wrong.clone().map_or(Ok(()), Err)
+    }
+
+    /// Writes the observation: all observation_dim numbers.
+    pub fn observe(&self, view: View, work: &mut Work, out: &mut [f64]) {
+        self.observe.run(&*self.task, view, Inputs::default(), work, |k, x| out[k] = x);
+    }
+
+    /// Writes the joint torques (N m or N) for an action, clamped to [-1, 1].
+    pub fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]) {
+        self.act.run(&*self.task, view, Inputs { action, torques: &[] }, work, |k, x| torques[k] = x);
+    }
+
+    /// Reward at the state reached; `torques[joint]` acted in the last frame.
+    pub fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64 {
+        self.rewards(view, torques, work)[0]
+    }
+
+    /// The reward, followed by its terms.
+    pub fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
+        let mut all = Vec::with_capacity(self.reward.out.len());
+        self.reward.run(&*self.task, view, Inputs { action: &[], torques }, work, |_, x| all.push(x));
+        all
+    }
+
+    /// Error relative to the tolerance, if the task has a success criterion.
+    pub fn error(&self, view: View, work: &mut Work) -> Option<f64> {
+        let mut error = None;
+        self.error.run(&*self.task, view, Inputs::default(), work, |_, x| error = Some(x));
+        error
+    }
+
+    /// Whether this state terminates the episode.
+    pub fn terminated(&self, view: View, work: &mut Work) -> bool {
+        let mut terminated = false;
+        self.terminated.run(&*self.task, view, Inputs::default(), work, |_, x| terminated = x != 0.0);
+        terminated
+    }
+
+    /// Whether there are gradients: numbers of plain code have none.
+    pub fn has_gradients(&self) -> bool {
+        ![&self.observe, &self.act, &self.reward].iter().any(|program| program.plain())
+    }
+
+    /// Vector-Jacobian product of [`Self::observe`]: `by[observation]`, adds to `gradient[2 nv]`. Here as in the next
+    /// two, upstream gradients `by` refer to the results, and gradients with respect to the state are in tangent space
+    /// ([`nerd_core::tangent`]). Goals and the nearest surface of each contact point are held constant; under a position
+    /// law with prediction so are the mass matrix and bias forces.
+    pub fn observe_back(&self, view: View, work: &mut Work, by: &[f64], gradient: &mut [f64]) {
+        self.observe.back(&*self.task, (view, Inputs::default()), work, by, (gradient, &mut []));
+    }
+
+    /// Of [`Self::act`]: `by[joint]`; adds to `gradient[2 nv]` and to `by_action`, for the clamped action.
+    pub fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], gradient: &mut [f64], by_action: &mut [f64]) {
+        self.act.back(&*self.task, (view, Inputs { action, torques: &[] }), work, by, (gradient, by_action));
+    }
+
+    /// Of [`Self::reward`]: adds to `gradient[2 nv]` and to `by_torques[joint]`.
+    pub fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, gradient: &mut [f64], by_torques: &mut [f64]) {
+        self.reward.back(&*self.task, (view, Inputs { action: &[], torques }), work, &[by], (gradient, by_torques));
+    }
+
+    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also compiles
+    /// as plain C++.
+    ///
+    /// # Errors
+    /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.
+    pub fn kernels(&self, reach: Reach, gradients: bool) -> Result<String, String> {
+        if self.plain().is_some() {
+            return Err(format!("task `{}` has plain code (nerd_tasks::Plain), so it stays on the CPU", self.name()));
+        }
+        self.wrong.clone().map_or(Ok(()), Err)?;
+        text::episodes(self, reach, gradients)
+    }
+}
+
+fn recorded(
+    (task, system): (&dyn Task, &System),
+    name: &str,
+    wrong: &mut Option<String>,
+    say: impl for<'a> Fn(&Sight<'a>) -> Vec<Traced<'a>>,
+) -> Program {
+    let tape = Tape::default();
+    let said = say(&Sight::new(&tape, system, task));
+    match tape.wrong.take() {
+        Some(why) => {
+            wrong.get_or_insert(format!("task `{}`, `{name}`: {why}", task.name()));
+            Program { out: vec![Given::Known(f64::NAN); said.len()], ..Program::default() }
+        }
+        None => Program::of(&tape, &said),
+    }
+}

@@ -1,0 +1,129 @@
+//! [`BackwardPass`]: backward pass through a rollout on the device, as in `shac/back.rs`.
+
+use nerd_model::program::Slot;
+use nerd_sim::articulated::device::Back;
+
+use super::*;
+
+/// Mirror of `Steps` in `task_back.cuh`.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Fields {
+    at: [u64; 22],
+    scale: f64,
+    outputs: i32,
+    horizon: i32,
+}
+
+/// Memory of the backward pass in one world.
+pub(super) struct BackwardPass {
+    fields: Buffer<Fields>,
+    shares: Buffer<f64>,
+    asked: Buffer<i32>,
+    by_seen: Buffer<f32>,
+    by_rows: Buffer<f32>,
+    slope: Buffer<f64>,
+    pushed: Buffer<f64>,
+    _kept: [Buffer<f64>; 2],
+    by_spread: Buffer<f32>,
+    /// J by environment, and whether an environment had a frame without finite gradients.
+    pub(super) earned: Buffer<f64>,
+    pub(super) without: Buffer<u32>,
+    scale: f64,
+    replays: [Replay; 3],
+}
+
+/// A rollout on the device, with its engine, world and solver.
+#[derive(Clone, Copy)]
+pub(super) struct Rolled<'a> {
+    pub(super) engine: &'a CudaEngine,
+    pub(super) world: &'a World,
+    pub(super) resident: &'a dyn Resident,
+    pub(super) config: &'a PpoConfig,
+    /// Address of the weights of V'.
+    pub(super) target_critic: u64,
+}
+
+impl BackwardPass {
+    pub(super) fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> Result<Self, DeviceError> {
+        let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
+        let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
+        let steps = n * kept.horizon;
+        let reals = |len: usize| d.zeros::<f64>(len);
+        let (shares, asked, slope, pushed) = (reals(steps)?, d.zeros::<i32>(steps)?, reals(n * wide)?, reals(n * joints)?);
+        let (by_torques, by_action, by_spread) = (reals(n * joints)?, reals(n * a)?, d.zeros::<f32>(steps * a)?);
+        let (by_seen, by_rows, without) = (d.zeros::<f32>(n * width)?, d.zeros::<f32>((1 + kept.slots) * n * width)?, d.zeros::<u32>(n)?);
+        let (trail, [goals, reached]) = world.trail();
+        let Steps { actions, means, .. } = &engine.steps;
+        let known = [trail.states, goals, trail.torques, reached, kept.observations.ptr, kept.rows.ptr, kept.seen[0].ptr, kept.seen[1].ptr];
+        let of_steps = [shares.ptr, kept.ends.ptr, asked.ptr, actions.ptr, means.ptr, by_seen.ptr, by_rows.ptr];
+        let found = [slope.ptr, by_torques.ptr, pushed.ptr, by_action.ptr, without.ptr, engine.net.targets.ptr, by_spread.ptr];
+        let (scale, outputs, horizon) = (1.0 / config.steps() as f64, engine.shape.outputs() as i32, kept.horizon as i32);
+        let at = [&known[..], &of_steps, &found].concat().try_into().map_err(|_| DeviceError("fields of the way back".into()))?;
+        let fields = d.upload(&[Fields { at, scale, outputs, horizon }])?;
+        let earned = reals(n)?;
+        let (_kept, replays) = ([by_torques, by_action], Default::default());
+        Ok(Self { fields, shares, asked, by_seen, by_rows, slope, pushed, _kept, by_spread, earned, without, scale, replays })
+    }
+
+    /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
+    pub(super) fn value(&self, of: Rolled) -> Result<(), DeviceError> {
+        self.replays[0].run(&of.engine.net.device, "values", (), || self.values(of))
+    }
+
+    /// Evaluates policy and solver again at all steps, as preparation of `back`.
+    pub(super) fn recall(&self, of: Rolled) -> Result<(), DeviceError> {
+        let Rolled { engine, world, resident, .. } = of;
+        let (net, kept) = (&engine.net, &engine.kept);
+        self.replays[1].run(&net.device, "recall", (), || {
+            engine.ask(engine.weights.ptr, kept.observations.ptr, net.at(Slot(0)), kept.environments * kept.horizon)?;
+            resident.recall(world.trail().0)
+        })
+    }
+
+    /// Computes the gradient of `-J` with respect to the policy's parameters.
+    pub(super) fn back(&self, of: Rolled) -> Result<(), DeviceError> {
+        self.replays[2].run(&of.engine.net.device, "way back", (), || self.through(of))
+    }
+
+    fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> Result<(), DeviceError> {
+        let (net, kept) = (&engine.net, &engine.kept);
+        let (n, a, steps, rows) =
+            (kept.environments, engine.shape.action, kept.environments * kept.horizon, (1 + kept.slots) * kept.environments);
+        engine.reached(target_critic)?;
+        let read = [&kept.rewards.ptr, &kept.ends.ptr, &kept.values.ptr, &kept.units.ptr].map(|at| Ptr(*at));
+        let written = [self.shares.ptr, self.asked.ptr, net.targets.ptr, self.earned.ptr, self.without.ptr].map(Ptr);
+        let sizes = [n, kept.horizon, kept.slots, a, engine.shape.outputs()].map(Int);
+        let law = [config.gamma, self.scale].map(Double);
+        engine.over("shac_ahead", n, &[&read[..], &written, &sizes, &law].concat())?;
+        net.backward(target_critic, None, 0..rows, Some(self.by_rows.ptr))?;
+        net.forward_from(engine.steps.inputs.ptr, target_critic, steps)?;
+        engine.value(0, kept.values.ptr, steps)?;
+        engine.finished(config)
+    }
+
+    fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> Result<(), DeviceError> {
+        let (net, n, horizon, frames) = (&engine.net, engine.kept.environments, engine.kept.horizon, world.frames());
+        let (weights, steps, trail) = (engine.weights.ptr, self.fields.ptr, world.trail().0);
+        let [slope, by_torques] = [self.slope.ptr, self.pushed.ptr];
+        for t in (0..horizon).rev() {
+            world.back("task_arrive_back", 1, steps, &[Int(t)])?;
+            for frame in (t * frames..(t + 1) * frames).rev() {
+                resident.back(trail, Back { frame, rows: 1, grad_next: slope, by_states: slope, by_torques, next: [0; 2] })?;
+                world.back("task_acted_back", 1, steps, &[Int(frame)])?;
+            }
+            if t > 0 {
+                net.backward(weights, None, t * n..(t + 1) * n, Some(self.by_seen.ptr))?;
+            }
+        }
+        world.back("task_leave", horizon, steps, &[])?;
+        net.backward(weights, Some(engine.gradient.ptr), 0..horizon * n, None)?;
+        let a = engine.shape.action;
+        net.sum_rows(self.by_spread.ptr, horizon * n, a, Some(engine.gradient.at(engine.weights.len - a)), None)
+    }
+
+    /// Begins the next episode in environments without gradients, and writes its observation.
+    pub(super) fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
+        of.world.back("task_begin_again", 1, self.fields.ptr, &[Ptr(of.engine.kept.rows.ptr)])
+    }
+}

@@ -1,0 +1,254 @@
+//! Modes of a training run. A mode holds only the settings that it uses, so no two of them contradict each other.
+
+use nerd_model::chain::{self, Chain};
+
+use super::*;
+
+/// Default minimum of tokens in a training sequence: in short ones, few tokens have a full history.
+const SEQUENCE: usize = 32;
+
+/// How a run trains, and from what; [`RunConfig::mode`] makes it from settings.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mode {
+    /// NeRD learns single predictions, from windows of recorded frames.
+    Windows {
+        /// Content of tokens and meaning of predictions.
+        form: Form,
+        /// Frames that a prediction depends on.
+        context: Context,
+        /// Error, in standard deviations of a target, where the loss turns from quadratic to linear.
+        huber: Option<f32>,
+        /// Origin of the first weights.
+        start: Start,
+        /// Training data.
+        source: Source,
+    },
+    /// NeRD of single frames continues from a model, through rollouts.
+    Rollouts {
+        /// Base of the predictions.
+        base: Base,
+        /// Content of tokens.
+        view: View,
+        /// Frames of a rollout in training.
+        frames: usize,
+        /// Folder of the model.
+        from: PathBuf,
+        /// Training data, unless it is recorded in memory.
+        stored: Option<Stored>,
+    },
+    /// A network of single rods learns a cable, through rollouts.
+    Chain {
+        /// Frames of a rollout in training.
+        frames: usize,
+        /// Folder of a model to start from.
+        from: Option<PathBuf>,
+        /// Folder of shards, unless data is recorded in memory.
+        shards: Option<PathBuf>,
+    },
+}
+
+/// Frames that a prediction depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Context {
+    /// The present frame alone: a residual network without attention.
+    Frame,
+    /// A window of `history` frames, evaluated anew for every frame.
+    Window {
+        /// Tokens that a token attends to, itself included.
+        history: usize,
+        /// Columns of an attention head.
+        head_width: usize,
+    },
+    /// Frames before, through rotary positions and a cache: a rollout evaluates one token per frame.
+    Stream {
+        /// Tokens that a token attends to in each layer, itself included.
+        history: usize,
+        /// Columns of an attention head.
+        head_width: usize,
+        /// Tokens of a training sequence, unless it is derived from `history`.
+        sequence: Option<usize>,
+    },
+}
+
+/// Origin of a run's first weights and normaliser.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Start {
+    /// Random weights, and moments of the training data.
+    Random {
+        /// Added to the variance of every target, unless it is the paper's.
+        epsilon: Option<f64>,
+    },
+    /// The model in a folder.
+    Model(PathBuf),
+}
+
+/// Training data.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// Trajectories recorded in memory.
+    Recorded {
+        /// Transitions recorded during training.
+        fresh: usize,
+    },
+    /// Files.
+    Stored(Stored),
+}
+
+/// Training data in files.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stored {
+    /// A folder of shards.
+    Shards(PathBuf),
+    /// Recorded motion.
+    Log {
+        /// The log's TOML.
+        path: PathBuf,
+        /// Numbers of the trajectories that are held out; empty for the default.
+        held_out: Vec<u64>,
+    },
+}
+
+impl RunConfig {
+    /// The mode of these settings. Refuses settings that it does not use.
+    pub fn mode(&self) -> Result<Mode> {
+        self.used()?;
+        let Self { base, view, condition_on_params: told, history, head_width, sequence, huber, epsilon, fresh_transitions: fresh, .. } =
+            *self;
+        let (data, from) = (self.data.clone(), self.from.clone());
+        let held_out = || self.held_out.clone().unwrap_or_default();
+        let stored = || match self.log() {
+            Some(path) => Some(Stored::Log { path, held_out: held_out() }),
+            None => data.clone().map(Stored::Shards),
+        };
+        let frames = sequence.unwrap_or(1);
+        let mode = match (self.variant, from) {
+            (Variant::Chain, from) => Mode::Chain { frames, from, shards: data },
+            (Variant::Nerd, Some(from)) if self.rolls_out() => Mode::Rollouts { base, view, frames, from, stored: stored() },
+            (Variant::Nerd, None) if self.rolls_out() => {
+                refuse!("--sequence with --history 1 goes on from a model that knows single frames: give it with --from")
+            }
+            (Variant::Nerd, from) => {
+                let context = match history {
+                    _ if self.stream => Context::Stream { history, head_width, sequence },
+                    1 => Context::Frame,
+                    _ => Context::Window { history, head_width },
+                };
+                let start = from.map_or(Start::Random { epsilon }, Start::Model);
+                let source = stored().map_or(Source::Recorded { fresh }, Source::Stored);
+                Mode::Windows { form: Form { base, view, told }, context, huber, start, source }
+            }
+        };
+        let devices = mode.devices();
+        if !devices.contains(&self.device) {
+            let devices = devices.iter().map(Device::to_string).collect::<Vec<_>>().join(", ");
+            refuse!("--device {} does not train this run: choose from {devices}", self.device);
+        }
+        Ok(mode)
+    }
+
+    /// Whether NeRD of single frames is trained through rollouts.
+    fn rolls_out(&self) -> bool {
+        self.variant == Variant::Nerd && self.history == 1 && !self.stream && self.sequence > Some(1)
+    }
+
+    /// Refuses settings that differ from their defaults, and have no use beside the others.
+    fn used(&self) -> Result<()> {
+        let (chain, rolled, log) = (self.variant == Variant::Chain, self.rolls_out(), self.log().is_some());
+        let sequences = self.stream || chain || self.history == 1 || self.sequence <= Some(1);
+        let unused: [(bool, &str, &[&str]); 9] = [
+            (chain, "with --variant chain", &["stream", "base", "view", "condition-on-params", "fresh-transitions", "epsilon", "huber"]),
+            (rolled, "where --sequence rolls out", &["condition-on-params", "fresh-transitions", "huber"]),
+            (
+                log,
+                "with recorded motion of --data, which names its robot and is the truth",
+                &["robot", "truth", "condition-on-params", "variant"],
+            ),
+            (!log, "without a log as --data", &["held-out"]),
+            (self.data.is_some(), "with --data: nothing is recorded", &["fresh-transitions", "policy"]),
+            (self.from.is_some(), "with --from, whose model has its own", &["epsilon"]),
+            (self.history == 1 && !self.stream && !chain, "with --history 1, which has no attention", &["head-width"]),
+            (!sequences, "without --stream, --variant chain or NeRD with --history 1", &["sequence"]),
+            (self.device != Device::Cuda, "without --device cuda", &["f32"]),
+        ];
+        let (own, usual) = (self.given(), Self::default().given());
+        let changed = |key: &&&str| own[**key] != usual[**key];
+        match unused.iter().filter(|row| row.0).find_map(|(_, why, keys)| Some((keys.iter().find(changed)?, why))) {
+            Some((key, why)) => refuse!("--{key} means nothing {why}; leave it out"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Mode {
+    /// Content of tokens and meaning of predictions.
+    pub fn form(&self) -> Form {
+        match *self {
+            Self::Windows { form, .. } => form,
+            Self::Rollouts { base, view, .. } => Form { base, view, told: false },
+            Self::Chain { .. } => Form::default(),
+        }
+    }
+
+    /// Frames of a rollout in training, if training goes through rollouts.
+    pub fn frames(&self) -> Option<usize> {
+        match *self {
+            Self::Windows { .. } => None,
+            Self::Rollouts { frames, .. } | Self::Chain { frames, .. } => Some(frames),
+        }
+    }
+
+    /// Origin of the first weights.
+    pub fn start(&self) -> Start {
+        match self {
+            Self::Windows { start, .. } => start.clone(),
+            Self::Rollouts { from, .. } => Start::Model(from.clone()),
+            Self::Chain { from, .. } => from.clone().map_or(Start::Random { epsilon: None }, Start::Model),
+        }
+    }
+
+    /// Training data.
+    pub fn source(&self) -> Source {
+        let stored = match self {
+            Self::Windows { source, .. } => return source.clone(),
+            Self::Rollouts { stored, .. } => stored.clone(),
+            Self::Chain { shards, .. } => shards.clone().map(Stored::Shards),
+        };
+        stored.map_or(Source::Recorded { fresh: 0 }, Source::Stored)
+    }
+
+    /// Devices that train it.
+    fn devices(&self) -> &'static [Device] {
+        match self {
+            Self::Windows { .. } => &[Device::Cpu, Device::Cuda, Device::Flex, Device::Wgpu],
+            Self::Rollouts { .. } => &[Device::Cpu],
+            Self::Chain { .. } => &[Device::Cpu, Device::Cuda],
+        }
+    }
+
+    /// Shape of the network for `system`.
+    pub fn network(&self, system: &System, embedding: usize, layers: usize) -> Result<TransformerConfig> {
+        let wrong = |reason: String| Error::Refused(format!("--embedding {embedding}, --layers {layers}: {reason}"));
+        let paper = |inputs, outputs| TransformerConfig { layers, ..TransformerConfig::paper(inputs, outputs, embedding) };
+        let robot = || paper(Features::inputs(system, self.form()), Features::outputs(system));
+        let single = |network, block, architecture| TransformerConfig { heads: 1, block, history: 1, head: 1, architecture, ..network };
+        let heads = |head_width: usize| (embedding / head_width.max(1)).max(1);
+        let network = match *self {
+            Self::Chain { .. } => {
+                let rods = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?.rods;
+                single(paper(chain::INPUTS, chain::OUTPUTS), rods, Architecture::Chain)
+            }
+            Self::Rollouts { .. } | Self::Windows { context: Context::Frame, .. } => single(robot(), 1, Architecture::Residual),
+            Self::Windows { context: Context::Window { history, head_width }, .. } => {
+                let network = robot();
+                TransformerConfig { heads: heads(head_width), history, block: network.block.max(history), ..network }
+            }
+            Self::Windows { context: Context::Stream { history, head_width, sequence }, .. } => {
+                let network = TransformerConfig { heads: heads(head_width), history, positions: Positions::Rotary, ..robot() };
+                // All frames that a rollout's prediction depends on, so that training covers the longest history.
+                TransformerConfig { block: sequence.unwrap_or(network.reach().max(SEQUENCE)).max(history), ..network }
+            }
+        };
+        network.check().map_err(wrong)?;
+        Ok(network)
+    }
+}

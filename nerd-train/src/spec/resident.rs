@@ -1,0 +1,21 @@
+//! Solvers whose batch stays on a GPU.
+
+use nerd_sim::articulated::device::{CudaArticulated, Real, Roll, has_kernels};
+
+use super::SolverSpec;
+use crate::{learner::cuda::Precision, prelude::*};
+
+/// The solver in an arithmetic of its own, whatever device its text says.
+///
+/// # Errors
+/// If it has no kernels, or its model cannot be read.
+pub fn resident(spec: &SolverSpec, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
+    let spec = &spec.clone().found(system)?;
+    if let Some(folder) = spec.folder() {
+        let whole = crate::learner::cuda::resident(Model::load(folder, system, None)?, system, real, precision);
+        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
+    }
+    let config = spec.config(system).ok_or_else(|| Error::Refused(format!("{spec} has no kernels; step it on the CPU")))?;
+    has_kernels(&config).map_err(|why| Error::Refused(format!("{spec}: {why}")))?;
+    Ok(Box::new(CudaArticulated::new(config, real)))
+}

@@ -1,0 +1,7 @@
+//! The program by its own name, for `cargo install --path xtask --bin nerd`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    xtask::call(std::env::args_os()).into()
+}

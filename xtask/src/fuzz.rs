@@ -1,0 +1,20 @@
+//! `cargo xtask fuzz --cases 200000 --kinds mjcf --seed 3`: fuzzes the readers of files with
+//! [`nerd_lab::campaign`].
+
+use nerd_lab::campaign::Campaign;
+
+use crate::{out::tables, prelude::*};
+
+#[derive(clap::Args, Clone, Debug)]
+pub struct FuzzArgs {
+    #[command(flatten)]
+    pub keys: Keys<Campaign>,
+}
+
+pub fn run(args: FuzzArgs) -> Result<()> {
+    let campaign = args.keys.settings()?;
+    let found = campaign.run()?;
+    tables(&[found.table()]);
+    found.lines(campaign.seed).iter().for_each(|fault| tell!("{fault}"));
+    if found.faults.is_empty() { Ok(()) } else { bail!("{} faults", found.faults.len()) }
+}
