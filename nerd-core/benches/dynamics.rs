@@ -40,7 +40,9 @@ fn dynamics(c: &mut Criterion) {
         // The public method, which includes kinematics.
         let velocity = LocalVelocity(qd);
         c.bench_function(&format!("forward_dynamics: {dofs} dof"), |b| {
-            b.iter(|| data.forward_dynamics(&robot, black_box(&q), &velocity, black_box(&tau), &GRAVITY).map(|qdd| qdd[0]));
+            b.iter(|| {
+                data.forward_dynamics(&robot, black_box(&q), &velocity, black_box(&tau), &GRAVITY).map(|qdd| qdd[0])
+            });
         });
     }
 }

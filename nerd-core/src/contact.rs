@@ -64,7 +64,8 @@ impl ContactPoint {
     /// The three points of a disc. `centre` (m) and `axis` are in the link frame, `rim` is the disc's radius (m),
     /// `radius` the edge's (m).
     pub fn disc(link: usize, centre: Vector3<f64>, axis: UnitVector3<f64>, rim: f64, radius: f64) -> [Self; 3] {
-        [0.0, TAU / 3.0, -TAU / 3.0].map(|turn| Self { locus: Locus::Rim { axis, radius: rim, turn }, ..Self::new(link, centre, radius) })
+        [0.0, TAU / 3.0, -TAU / 3.0]
+            .map(|turn| Self { locus: Locus::Rim { axis, radius: rim, turn }, ..Self::new(link, centre, radius) })
     }
 
     /// The deepest of `vertices` (m, link frame), each a ball of `radius` (m).
@@ -133,7 +134,9 @@ impl ContactPoint {
             Locus::Fixed => vec![self.local],
             Locus::Rim { axis, radius, .. } => {
                 let out = across(axis) * *radius;
-                (0..12).map(|k| self.local + Rotation3::from_axis_angle(axis, TAU * f64::from(k) / 12.0) * out).collect()
+                (0..12)
+                    .map(|k| self.local + Rotation3::from_axis_angle(axis, TAU * f64::from(k) / 12.0) * out)
+                    .collect()
             }
             Locus::Hull { vertices, .. } => vertices.to_vec(),
         }
@@ -148,7 +151,13 @@ impl ContactPoint {
                 Locus::Hull { vertices: vertices.iter().map(|v| v * factor).collect(), reach: reach * factor }
             }
         };
-        Self { local: self.local * factor, radius: self.radius * factor, thickness: self.thickness * factor, locus, ..*self }
+        Self {
+            local: self.local * factor,
+            radius: self.radius * factor,
+            thickness: self.thickness * factor,
+            locus,
+            ..*self
+        }
     }
 }
 

@@ -16,7 +16,9 @@ pub mod prelude {
     pub use crate::contact::{ContactEvent, ContactPoint, Locus};
     pub use crate::dynamics::{Axes, Data, Derivatives, NoInertia, Totals, kinematics, point_position, totals};
     pub use crate::frames::RootFrame;
-    pub use crate::robot::{Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot};
+    pub use crate::robot::{
+        Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot,
+    };
     pub use crate::spatial::{BodyInertia, Motion, PointMass, SpatialInertia, Wrench};
     pub use crate::state::{quaternion, raw_quaternion, rotation_from, vector, wrap, write_quaternion};
     pub use crate::velocity::{LocalVelocity, SpatialTwist};

@@ -194,7 +194,11 @@ impl SpatialInertia {
     #[inline]
     pub fn of(body: &BodyInertia, r: &Matrix3<f64>, x: &Vector3<f64>) -> Self {
         let c = r * body.com + x;
-        Self { mass: body.mass, moment: c * body.mass, inertia: r * body.inertia * r.transpose() + parallel_axis(body.mass, &c) }
+        Self {
+            mass: body.mass,
+            moment: c * body.mass,
+            inertia: r * body.inertia * r.transpose() + parallel_axis(body.mass, &c),
+        }
     }
 
     /// Momentum `I m` of the twist `m`.

@@ -59,13 +59,14 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gr
         let (from, to, (turn, sign)) = (quaternion(&a[3..7]), quaternion(&b[3..7]), turned(a, b));
         let real = (from.inverse() * to).w * sign;
         let (by_turn, by_way) = (vector(upstream), vector(&upstream[3..]));
-        let parts: [Vector3<f64>; 2] = [by_turn * real + by_turn.cross(&turn) * sign, to.inverse_transform_vector(&(from * by_way))];
+        let parts: [Vector3<f64>; 2] =
+            [by_turn * real + by_turn.cross(&turn) * sign, to.inverse_transform_vector(&(from * by_way))];
         gradient.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
     }
 }
 
-/// Adds to `gradient[2 nv]` the tangent-space gradient for `by`, the gradient with respect to the numbers `[q, qd]` of a
-/// state. Uses `w = R a` and `v = R b + x cross w`.
+/// Adds to `gradient[2 nv]` the tangent-space gradient for `by`, the gradient with respect to the numbers `[q, qd]` of
+/// a state. Uses `w = R a` and `v = R b + x cross w`.
 pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {
@@ -75,15 +76,16 @@ pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f6
     if robot.floating() {
         let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
         let (by_w, by_v) = (vector(&by[nq..]), vector(&by[nq + 3..]));
-        let [by_x, by_a, by_b] = [vector(by) + (r * a).cross(&by_v), by_w + by_v.cross(&x), by_v].map(|g| r.inverse_transform_vector(&g));
+        let [by_x, by_a, by_b] =
+            [vector(by) + (r * a).cross(&by_v), by_w + by_v.cross(&x), by_v].map(|g| r.inverse_transform_vector(&g));
         let twist = (r.into_inner().conjugate() * raw_quaternion(&by[3..])).imag() * 0.5;
         let parts = [(0, twist + a.cross(&by_a) + b.cross(&by_b)), (3, by_x), (nv, by_a), (nv + 3, by_b)];
         parts.iter().for_each(|(at, g)| gradient[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
     }
 }
 
-/// The inverse of [`numbers_back`]: from the tangent-space gradient `gradient[2 nv]` to the gradient with respect to the
-/// numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function independent of the
+/// The inverse of [`numbers_back`]: from the tangent-space gradient `gradient[2 nv]` to the gradient with respect to
+/// the numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function independent of the
 /// quaternion's length.
 pub fn by_numbers(robot: &Robot, state: &[f64], gradient: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
@@ -114,8 +116,8 @@ pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vect
     }
 }
 
-/// Adds `J^T` times `loads[link]` (wrenches about the common origin) to the pose part of `gradient[2 nv]`. On return each
-/// load is the sum over its subtree.
+/// Adds `J^T` times `loads[link]` (wrenches about the common origin) to the pose part of `gradient[2 nv]`. On return
+/// each load is the sum over its subtree.
 pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], gradient: &mut [f64]) {
     let mut along = vec![0.0; robot.nv()];
     onto(robot, data, loads, &mut along);

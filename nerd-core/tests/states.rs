@@ -21,7 +21,10 @@ fn the_two_forms_of_a_velocity_are_one_motion() {
         assert_eq!(places, q);
         if robot.floating() {
             let (a, b) = (Motion::from_slice(twist.0), Motion::from_slice(&local.0));
-            assert!((a.ang - b.ang).norm() == 0.0 && (a.at(&vector(&q)) - b.lin).norm() < 1e-14, "{a:?} and {b:?} are two motions");
+            assert!(
+                (a.ang - b.ang).norm() == 0.0 && (a.at(&vector(&q)) - b.lin).norm() < 1e-14,
+                "{a:?} and {b:?} are two motions"
+            );
         }
         assert!(gap(&twist.to_local(&robot, &q).0, &local.0) < 1e-15, "there and back");
         // One second at this velocity rotates and translates by it.
@@ -94,7 +97,10 @@ fn moving_and_turning_the_world_changes_nothing() {
                 worst = worst.max(gap(&there, &here));
             }
         }
-        assert!(worst < bound, "a world moved by {distance:.0e} m changes what is seen by {worst:.1e}, allowed {bound:.0e}");
+        assert!(
+            worst < bound,
+            "a world moved by {distance:.0e} m changes what is seen by {worst:.1e}, allowed {bound:.0e}"
+        );
     }
 }
 

@@ -39,7 +39,13 @@ impl Beside {
     pub fn lead(&self, theirs: usize) -> Result<(), DeviceError> {
         let event = self.0.record_event(None).map_err(failed("event"))?;
         // SAFETY: both handles are the driver's, and it returns an error for an invalid handle.
-        unsafe { result::stream::wait_event(theirs as sys::CUstream, event.cu_event(), sys::CUevent_wait_flags::CU_EVENT_WAIT_DEFAULT) }
-            .map_err(failed("another library's stream"))
+        unsafe {
+            result::stream::wait_event(
+                theirs as sys::CUstream,
+                event.cu_event(),
+                sys::CUevent_wait_flags::CU_EVENT_WAIT_DEFAULT,
+            )
+        }
+        .map_err(failed("another library's stream"))
     }
 }

@@ -11,7 +11,8 @@ use crate::error::DeviceError;
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
     type Cache = Mutex<HashMap<((i32, i32), String), Arc<Mutex<Option<Ptx>>>>>;
     static CACHE: LazyLock<Cache> = LazyLock::new(Cache::default);
-    let entry = CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
+    let entry =
+        CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
     // Held during compilation, so that other threads with the same source wait for the result.
     let mut own = entry.lock().unwrap_or_else(|lost| lost.into_inner());
     if let Some(ptx) = &*own {
@@ -20,14 +21,20 @@ pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, Devi
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
     // NVRTC 13.0 takes lambdas for host code and refuses them, and they cannot be marked `__device__`. NVRTC 13.5
     // accepts them.
-    let options = CompileOptions { options: vec![architecture, "--device-as-default-execution-space".into()], ..Default::default() };
+    let options = CompileOptions {
+        options: vec![architecture, "--device-as-default-execution-space".into()],
+        ..Default::default()
+    };
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
     Ok(own.insert(ptx).clone())
 }
 
 /// The reason for a compilation failure: the text of a failed static assertion, or else the compiler's output.
 fn refusal(output: &str) -> String {
-    let asserted = output.split("static assertion failed with").nth(1).and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
+    let asserted = output
+        .split("static assertion failed with")
+        .nth(1)
+        .and_then(|rest| rest.split(['"', '\\']).find(|part| part.len() > 9));
     asserted.map_or_else(|| format!("kernels do not compile: {output}"), str::to_string)
 }
 

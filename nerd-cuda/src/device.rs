@@ -165,8 +165,10 @@ impl Device {
         // A direct copy from pageable memory may return before it is complete, so copy in stream order and synchronise.
         let stream = self.stream(Lane::Main);
         self.bind()?;
-        // SAFETY: the values fit into the buffer (`check_fit`), and the stream is synchronised before they may be dropped.
-        unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }.map_err(failed("copy to the device"))?;
+        // SAFETY: the values fit into the buffer (`check_fit`), and the stream is synchronised before they may be
+        // dropped.
+        unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }
+            .map_err(failed("copy to the device"))?;
         stream.synchronize().map_err(failed("copy to the device"))
     }
 
@@ -189,7 +191,9 @@ impl Device {
     pub fn set_word(&self, at: u64, bits: u32) -> Result<(), DeviceError> {
         self.bind()?;
         // SAFETY: the caller passes the address of a word of a living buffer.
-        unsafe { sys::cuMemsetD32Async(at, bits, 1, self.stream(Lane::Main).cu_stream()) }.result().map_err(failed("memset"))
+        unsafe { sys::cuMemsetD32Async(at, bits, 1, self.stream(Lane::Main).cu_stream()) }
+            .result()
+            .map_err(failed("memset"))
     }
 
     /// Blocks until both streams are done.
@@ -215,7 +219,9 @@ impl Device {
     /// Captures the work that `work` queues as one graph.
     pub(crate) fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<CudaGraph, E> {
         let stream = self.stream(Lane::Main);
-        stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
+        stream
+            .begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED)
+            .map_err(failed("graph capture"))?;
         let done = work();
         let graph = stream.end_capture(sys::CUgraphInstantiate_flags(0)).map_err(failed("graph capture"));
         done?;
@@ -223,12 +229,27 @@ impl Device {
     }
 
     /// Launches a kernel on the main stream, with `shared` bytes of dynamic shared memory.
-    pub fn launch(&self, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
+    pub fn launch(
+        &self,
+        kernel: &str,
+        grid: Extent,
+        block: Extent,
+        shared: usize,
+        args: &[Arg],
+    ) -> Result<(), DeviceError> {
         self.launch_on(Lane::Main, kernel, grid, block, shared, args)
     }
 
     /// Launches a kernel on `lane`, with `shared` bytes of dynamic shared memory.
-    pub fn launch_on(&self, lane: Lane, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
+    pub fn launch_on(
+        &self,
+        lane: Lane,
+        kernel: &str,
+        grid: Extent,
+        block: Extent,
+        shared: usize,
+        args: &[Arg],
+    ) -> Result<(), DeviceError> {
         let function = self.kernels.get(kernel).ok_or_else(|| DeviceError(format!("no kernel `{kernel}`")))?;
         // Little endian: a 32-bit argument is the low half of its 64-bit slot.
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();
@@ -242,7 +263,14 @@ impl Device {
         // SAFETY: `pointers` point into `slots`, which lives through the call; the caller passes the kernel's own
         // arguments, in order, with addresses of living buffers.
         unsafe {
-            driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
+            driver::result::launch_kernel(
+                function.cu_function(),
+                grid,
+                block,
+                shared as u32,
+                self.stream(lane).cu_stream(),
+                &mut pointers,
+            )
         }
         .map_err(|e| DeviceError(format!("kernel `{kernel}`: {e:?}")))
     }
@@ -269,7 +297,9 @@ impl Device {
 
 /// An error if a library was not found.
 fn present(name: &str, found: bool) -> Result<(), DeviceError> {
-    let missing = || DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"));
+    let missing = || {
+        DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"))
+    };
     found.then_some(()).ok_or_else(missing)
 }
 

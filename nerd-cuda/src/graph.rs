@@ -46,7 +46,9 @@ impl<K: PartialEq> Replay<K> {
             return work();
         }
         let stream = device.stream(Lane::Main).cu_stream() as usize;
-        if let Some((.., graph)) = self.graphs.borrow().iter().find(|(made_for, on, _)| *made_for == key && *on == stream) {
+        if let Some((.., graph)) =
+            self.graphs.borrow().iter().find(|(made_for, on, _)| *made_for == key && *on == stream)
+        {
             return Ok(graph.launch().map_err(failed(what))?);
         }
         // Run once without capture, so that libraries finish their lazy loading.

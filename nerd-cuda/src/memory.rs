@@ -38,7 +38,8 @@ pub(crate) fn allocate<T>(context: &Arc<CudaContext>, len: usize) -> Result<Buff
     let bytes = (len * size_of::<T>()).max(1);
     context.bind_to_thread().map_err(failed("context"))?;
     // SAFETY: the context is bound to this thread.
-    let ptr = unsafe { driver::result::malloc_sync(bytes) }.map_err(|e| DeviceError(format!("allocating {} MiB: {e:?}", bytes >> 20)))?;
+    let ptr = unsafe { driver::result::malloc_sync(bytes) }
+        .map_err(|e| DeviceError(format!("allocating {} MiB: {e:?}", bytes >> 20)))?;
     let buffer = Buffer { ptr, len, context: context.clone(), kind: PhantomData };
     // SAFETY: the allocation has `bytes` bytes.
     unsafe { driver::result::memset_d8_sync(ptr, 0, bytes) }.map_err(failed("memset"))?;

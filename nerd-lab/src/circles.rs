@@ -38,7 +38,8 @@ enum Target {
 
 /// One line for each edge of an import cycle, over all crates of a workspace.
 pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
-    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).with_context(|| format!("no Cargo.toml in {}", root.display()))?;
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml"))
+        .with_context(|| format!("no Cargo.toml in {}", root.display()))?;
     let manifest: toml::Table = toml::from_str(&manifest)?;
     let members = manifest["workspace"]["members"].as_array().context("no workspace.members in Cargo.toml")?;
     let mut lines = Vec::new();
@@ -78,7 +79,8 @@ fn read(src: &Path) -> Result<Vec<Module>> {
         let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let tokens = text.parse::<TokenStream>().map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
         let file = path.strip_prefix(src).unwrap_or(&path);
-        let mut names: Vec<_> = file.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
+        let mut names: Vec<_> =
+            file.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
         names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
         let id = names.iter().fold(0, |above, name| child(&mut modules, above, name));
         modules[id].file = file.into();
@@ -99,10 +101,13 @@ fn child(modules: &mut Vec<Module>, above: usize, name: &str) -> usize {
 
 /// Records the items, imports and uses in a module's tokens; `top` is false inside an item.
 fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
-    let word = |k: usize| if let Some(TokenTree::Ident(name)) = tokens.get(k) { name.to_string() } else { String::new() };
+    let word =
+        |k: usize| if let Some(TokenTree::Ident(name)) = tokens.get(k) { name.to_string() } else { String::new() };
     let mark = |k: usize, mark: char| matches!(tokens.get(k), Some(TokenTree::Punct(found)) if found.as_char() == mark);
     let within = |k: usize, kind: Delimiter| match tokens.get(k) {
-        Some(TokenTree::Group(group)) if group.delimiter() == kind => Some(group.stream().into_iter().collect::<Vec<_>>()),
+        Some(TokenTree::Group(group)) if group.delimiter() == kind => {
+            Some(group.stream().into_iter().collect::<Vec<_>>())
+        }
         _ => None,
     };
     let path_sign = |k: usize| mark(k, ':') && mark(k + 1, ':');
@@ -267,7 +272,8 @@ mod tests {
         let body = ("body/mod.rs", "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n");
         let deep = ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n");
         // Used through the re-export at the root, inside a macro.
-        let name = ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
+        let name =
+            ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let found = circles_of(&[lib, body, deep, name]);
         assert_eq!(
             found,
@@ -289,12 +295,18 @@ mod tests {
     fn tests_declarations_reexports_and_lifetimes_close_none() {
         let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
         let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
-        let b =
-            ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
+        let b = (
+            "b.rs",
+            "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n",
+        );
         assert_eq!(circles_of(&[lib, a, b]), [""; 0]);
         // A lifetime before a name defines nothing.
-        let rows = ("rows/mod.rs", "mod one;\nuse crate::row::Row;\npub fn all() -> &'static Row {\n    &one::ROW\n}\n");
+        let rows =
+            ("rows/mod.rs", "mod one;\nuse crate::row::Row;\npub fn all() -> &'static Row {\n    &one::ROW\n}\n");
         let one = ("rows/one.rs", "use super::*;\npub static ROW: Row = Row;\n");
-        assert_eq!(circles_of(&[("lib.rs", "mod row;\nmod rows;\n"), ("row.rs", "pub struct Row;\n"), rows, one]), [""; 0]);
+        assert_eq!(
+            circles_of(&[("lib.rs", "mod row;\nmod rows;\n"), ("row.rs", "pub struct Row;\n"), rows, one]),
+            [""; 0]
+        );
     }
 }

@@ -15,4 +15,6 @@ pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, ship
 pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub(crate) use crate::experiments::{About, Experiment, Measured};
-pub(crate) use crate::report::{Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write};
+pub(crate) use crate::report::{
+    Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write,
+};

@@ -5,7 +5,8 @@ use nerd_lab::campaign::{Campaign, Kind};
 #[test]
 fn changed_files_of_every_kind_are_refused_or_read() {
     let mut campaign = Campaign::default();
-    (campaign.cases, campaign.seed) = (std::env::var("NERD_CAMPAIGN").ok().and_then(|n| n.parse().ok()).unwrap_or(11_000), 5);
+    (campaign.cases, campaign.seed) =
+        (std::env::var("NERD_CAMPAIGN").ok().and_then(|n| n.parse().ok()).unwrap_or(11_000), 5);
     let found = campaign.run().expect("tried");
     println!("{}", found.table().markdown());
     assert!(found.faults.is_empty(), "{} faults: {}", found.faults.len(), found.lines(campaign.seed).join("\n"));

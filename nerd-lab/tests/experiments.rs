@@ -49,18 +49,25 @@ fn truth(change: impl Fn(&mut Protocol)) -> Case {
 #[test]
 fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let shaken =
-        |starts| Passive::new("shaken", &[truth(|asked| (asked.velocity_noise, asked.trajectories) = (0.01, starts))]).expect("asked");
+    let shaken = |starts| {
+        Passive::new("shaken", &[truth(|asked| (asked.velocity_noise, asked.trajectories) = (0.01, starts))])
+            .expect("asked")
+    };
     let written = conduct(&shaken(3), folder.path()).expect("written");
     let refused = refusal(conduct(&shaken(2), folder.path()));
     assert!(
-        refused.contains("shaken") && refused.contains("of 12 episodes or rollout frames, this run has 8; ask for as many (--episodes"),
+        refused.contains("shaken")
+            && refused.contains("of 12 episodes or rollout frames, this run has 8; ask for as many (--episodes"),
         "{refused}"
     );
     conduct(&shaken(3), folder.path()).expect("as much is enough");
     let read = Artifact::read(folder.path(), "shaken").expect("read");
-    let [found, measured] = [&read, &written].map(|result| result.parse::<Rows>().expect("its data").rows[0].report.error[0]);
-    assert!(written.effort == 12.0 && (found / measured - 1.0).abs() < 1e-14, "{found} in the file, {measured} measured");
+    let [found, measured] =
+        [&read, &written].map(|result| result.parse::<Rows>().expect("its data").rows[0].report.error[0]);
+    assert!(
+        written.effort == 12.0 && (found / measured - 1.0).abs() < 1e-14,
+        "{found} in the file, {measured} measured"
+    );
     assert_eq!(read.inputs.changed(), Vec::<String>::new(), "nothing has changed since");
     assert!(folder.path().join("shaken/README.md").exists(), "its tables are beside it");
 }
@@ -69,11 +76,19 @@ fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it
 #[test]
 fn a_model_that_adds_nothing_is_not_shipped() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let (results, all, mine) = (folder.path().join("results"), folder.path().join("models"), folder.path().join("models/mine"));
+    let (results, all, mine) =
+        (folder.path().join("results"), folder.path().join("models"), folder.path().join("models/mine"));
     let mut model = models::model(&System::named("pendulum").expect("built in"), Base::Trapezoid);
     model.weights.flat.fill(0.0);
     model.save(&mine, "nothing", Storage::F32).expect("saved");
-    let made = Made { name: "passive".into(), about: String::new(), command: String::new(), made: None, record: false, stale: None };
+    let made = Made {
+        name: "passive".into(),
+        about: String::new(),
+        command: String::new(),
+        made: None,
+        record: false,
+        stale: None,
+    };
     let manifest = Manifest { artefact: vec![made] };
     let lines = || unworthy(&manifest, &results, &all).expect("readable");
     assert!(lines().len() == 1 && lines()[0].contains("no result has a verdict"), "{:?}", lines());
@@ -82,13 +97,19 @@ fn a_model_that_adds_nothing_is_not_shipped() {
     assert!(lines().len() == 1 && lines()[0].contains("(constant velocity) errs 1.00 times"), "{:?}", lines());
     let mut result = Artifact::read(&results, "passive").expect("a result");
     let of = result.data["rows"][0]["verdict"].clone();
-    for (base, linear, refused) in [(5.1, 4.9, "linear map errs 4.90"), (4.9, 5.1, "(constant velocity) errs 4.90"), (5.1, 5.1, "")] {
+    for (base, linear, refused) in
+        [(5.1, 4.9, "linear map errs 4.90"), (4.9, 5.1, "(constant velocity) errs 4.90"), (5.1, 5.1, "")]
+    {
         for (row, times) in [("base", base), ("linear", linear)] {
             let errors = of["model"]["errors"].as_array().expect("errors").iter().filter_map(|e| e.as_f64());
             result.data["rows"][0]["verdict"][row]["errors"] = errors.map(|e| times * e).collect::<Vec<_>>().into();
         }
         write_json(&results.join("passive/result.json"), &result).expect("written");
-        assert!(lines().len() == usize::from(!refused.is_empty()) && lines().iter().all(|l| l.contains(refused)), "{:?}", lines());
+        assert!(
+            lines().len() == usize::from(!refused.is_empty()) && lines().iter().all(|l| l.contains(refused)),
+            "{:?}",
+            lines()
+        );
     }
 }
 
@@ -117,7 +138,10 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
     let scenes: Vec<_> = rows.summary().rows.into_iter().map(|r| r[1].clone()).collect();
     assert_eq!(scenes, ["free", "ground2, the largest of 3"]);
     let other = Rows { rows: vec![row("free", 0.5), row("ground2", 0.4), row("ground9", 0.1)] };
-    assert!(rows.agreement(&other).is_some_and(|words| words.starts_with("1 of 2") && words.contains("pendulum in ground2")));
+    assert!(
+        rows.agreement(&other)
+            .is_some_and(|words| words.starts_with("1 of 2") && words.contains("pendulum in ground2"))
+    );
 }
 
 #[test]
@@ -144,7 +168,8 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("of another robot than the log"), "{reason}");
     let mut remembers = models::placed(&cubes, Base::State, nerd_model::transformer::Positions::Rotary);
-    remembers.normalizer.outputs = nerd_model::normalizer::Moments { variance: vec![1e-8; 13], ..still.normalizer.outputs.clone() };
+    remembers.normalizer.outputs =
+        nerd_model::normalizer::Moments { variance: vec![1e-8; 13], ..still.normalizer.outputs.clone() };
     settings.model = vec![save("still", still), save("remembers", remembers)];
     let measured = settings.measure().expect("a calibration");
     let found: CalibratedAll = serde_json::from_value(measured.data.into()).expect("its data");
@@ -167,7 +192,9 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     }
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
     assert!(
-        ["no motion", "articulated(substeps=4), calibrated", "com.z (m)", "still, shown none"].iter().all(|word| text.contains(word)),
+        ["no motion", "articulated(substeps=4), calibrated", "com.z (m)", "still, shown none"]
+            .iter()
+            .all(|word| text.contains(word)),
         "{text}"
     );
 }
@@ -181,8 +208,14 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     settings.per_trajectory = names(&["zero:shoulder", "zero:elbow"]);
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("--per-trajectory, --regularized and --context-frames belong together"), "{reason}");
-    settings.parameters =
-        names(&["com.z:upper", "com.z:lower", "inertia:upper", "joint-friction:shoulder", "joint-friction:elbow", "delay"]);
+    settings.parameters = names(&[
+        "com.z:upper",
+        "com.z:lower",
+        "inertia:upper",
+        "joint-friction:shoulder",
+        "joint-friction:elbow",
+        "delay",
+    ]);
     settings.regularized = names(&["joint-friction:elbow", "strength:elbow"]);
     (settings.context_frames, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
     let reason = refusal(settings.measure().map(drop));
@@ -196,14 +229,23 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     let found: Runs = serde_json::from_value(measured.data.into()).expect("its data");
     let mut ids: Vec<u64> = found.judged.iter().map(|run| run.id).collect();
     ids.sort_unstable();
-    assert_eq!((ids, found.lengths.clone(), found.weights.len()), (vec![10, 11, 12, 13, 17], vec![30, 60, 120], 3), "each once");
-    let error = |method: usize, length: usize| found.judged.iter().map(|run| run.errors[method][length]).sum::<f64>() / 5.0;
+    assert_eq!(
+        (ids, found.lengths.clone(), found.weights.len()),
+        (vec![10, 11, 12, 13, 17], vec![30, 60, 120], 3),
+        "each once"
+    );
+    let error =
+        |method: usize, length: usize| found.judged.iter().map(|run| run.errors[method][length]).sum::<f64>() / 5.0;
     let all: Vec<f64> = (0..6).map(|method| error(method, 1)).collect();
     println!("{all:.4?}, weights {:?}", found.weights);
     assert!(all[2] < 0.3 * all[0] && all[3] < 0.8 * all[2] && all[5] < 0.8 * all[2], "{all:?}");
     assert!((0..6).all(|method| error(method, 0) < error(method, 2)), "long rollouts err more");
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
-    assert!(text.contains("calibrated, with its own zero:shoulder, zero:elbow") && text.contains("held near what all share"), "{text}");
+    assert!(
+        text.contains("calibrated, with its own zero:shoulder, zero:elbow")
+            && text.contains("held near what all share"),
+        "{text}"
+    );
 }
 
 /// rapier has no dry friction: it is left out, and the other solvers go on.
@@ -215,7 +257,8 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
         ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics friction="0.05"/></joint></robot>"#;
     file("dry.urdf", urdf);
     let mut chart = Chart::default();
-    (chart.robot, chart.trajectories, chart.frames, chart.max_substeps) = (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
+    (chart.robot, chart.trajectories, chart.frames, chart.max_substeps) =
+        (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
     chart.about().expect("a chart");
     let measured = chart.measure().expect("a chart");
     let series: Vec<_> = measured.tables[0].rows.iter().map(|row| row[0].clone()).collect();
@@ -230,7 +273,10 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
         let (sin, cos) = (w * t).sin_cos();
         format!("{n},{t},{},{}\n", 0.01 * n as f64 * cos, -0.01 * n as f64 * w * sin)
     };
-    file("dry.csv", &(1..9).flat_map(|n| (0..12).map(move |k| row(n, k))).fold("n,t,q,v\n".into(), |all: String, row| all + &row));
+    file(
+        "dry.csv",
+        &(1..9).flat_map(|n| (0..12).map(move |k| row(n, k))).fold("n,t,q,v\n".into(), |all: String, row| all + &row),
+    );
     let mut settings = Calibration::default();
     settings.log = vec![folder.path().join("dry.log.toml")];
     (settings.splits, settings.frames, settings.every, settings.evaluations, settings.rollouts) = (1, 6, 3, 40, 8);
@@ -257,7 +303,10 @@ fn a_robot_without_joints_moves_like_any_other() {
     for robot in ["cube", rod.to_str().expect("utf-8")] {
         let moved = motions(robot).errors().unwrap_or_else(|error| panic!("{robot}: {error}"));
         assert_eq!(moved.rows.len(), 4, "{robot}: one and two substeps, and two that know no dynamics");
-        assert!(moved.rows.iter().all(|row| row.lost == 0 && row.motions.len() == 2 && row.curve.len() == 12), "{robot}");
+        assert!(
+            moved.rows.iter().all(|row| row.lost == 0 && row.motions.len() == 2 && row.curve.len() == 12),
+            "{robot}"
+        );
     }
 }
 
@@ -267,7 +316,9 @@ fn a_table_counts_lost_motions_and_has_no_figure_of_them() {
         let curve = if motions.is_empty() { Vec::new() } else { vec![0.001; 12] };
         MotionRow { series: "some".into(), substeps: Some(1), microseconds: Some(2.0), curve, motions, lost }
     };
-    let table = |rows| motions("lead").table(&MotionErrors { robot: "lead".into(), reference: "itself".into(), rows }).markdown();
+    let table = |rows| {
+        motions("lead").table(&MotionErrors { robot: "lead".into(), reference: "itself".into(), rows }).markdown()
+    };
     let (whole, lost) = (table(vec![row(vec![0.001; 2], 0)]), table(vec![row(vec![0.001], 1), row(vec![], 2)]));
     assert!(!whole.contains("were lost"), "{whole}");
     assert!(lost.contains("3 were lost") && !lost.contains("NaN") && lost.contains(" - "), "{lost}");
@@ -284,7 +335,9 @@ fn policy(task: &str) -> (Shape, PpoConfig, Policy) {
 fn the_truths_own_settings_judge_as_the_truth_does() {
     for task in ["ant-run", "cartpole-swingup"] {
         let (_, _, policy) = policy(task);
-        let rewards = |arena: &Arena| games(task, arena, &policy, 3, 5).expect("played").iter().map(|g| g.reward).collect::<Vec<_>>();
+        let rewards = |arena: &Arena| {
+            games(task, arena, &policy, 3, 5).expect("played").iter().map(|g| g.reward).collect::<Vec<_>>()
+        };
         let truth = rewards(&Arena::Solver(SolverSpec::default()));
         assert_eq!(
             rewards(&Arena::Solver(SolverSpec::implicit(
@@ -304,7 +357,8 @@ fn a_family_is_compared_by_the_frames_seen() {
     let small = ["trajectories=6", "frames=12", "context-frames=0,3,40", "evaluations=300"];
     let measured = settings::<Family>(&small).and_then(|family| family.measure()).expect("measured");
     let table = &measured.tables[0];
-    let error = |row: usize, seen: usize| table.rows[row][1 + seen].split(' ').next().and_then(|x| x.parse::<f64>().ok());
+    let error =
+        |row: usize, seen: usize| table.rows[row][1 + seen].split(' ').next().and_then(|x| x.parse::<f64>().ok());
     let names: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();
     assert_eq!(names.len(), 4, "{names:?}");
     let at = |row: usize| error(row, 2).expect("a number");
@@ -313,9 +367,11 @@ fn a_family_is_compared_by_the_frames_seen() {
     assert_eq!(error(0, 0), error(0, 2));
     assert!(error(3, 0).is_none() && at(3) < at(1), "calibrated {}, described {}", at(3), at(1));
     assert_eq!(measured.figures.len(), 1);
-    for (set, why) in
-        [("robot=pendulum", "give its TOML a [vary]"), ("context-frames=-1", "whole numbers"), ("model=out/nothing", "out/nothing")]
-    {
+    for (set, why) in [
+        ("robot=pendulum", "give its TOML a [vary]"),
+        ("context-frames=-1", "whole numbers"),
+        ("model=out/nothing", "out/nothing"),
+    ] {
         let said = settings::<Family>(&[set, "trajectories=2", "frames=2", "context-frames=1", "evaluations=0"])
             .and_then(|family| family.measure().map(|_| ()));
         let said = said.expect_err(set).to_string();
@@ -370,18 +426,22 @@ fn json_has_numbers_where_a_column_holds_nothing_else() {
 #[test]
 fn a_policy_is_played_on_robots_of_a_family() {
     let policy = format!("policy={}/../models/policies/ant-run-articulated-0", env!("CARGO_MANIFEST_DIR"));
-    let measured =
-        settings::<policies::Policies>(&[&policy, "episodes=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
+    let measured = settings::<policies::Policies>(&[&policy, "episodes=4", "family=ant-family"])
+        .and_then(|e| e.measure())
+        .expect("measured");
     let (row, header) = (&measured.tables[0].rows[0], &measured.tables[0].header);
     let cell = |name: &str| header.iter().position(|h| h == name).map_or("", |k| &row[k]);
     assert!(cell("robots") == "articulated of ant-family" && cell("in NeRD") == "-", "{row:?}");
-    let (fell, length) = (cell("fell (%)").parse::<f64>().expect("a share"), &measured.data["rows"][0]["real"]["length"]);
+    let (fell, length) =
+        (cell("fell (%)").parse::<f64>().expect("a share"), &measured.data["rows"][0]["real"]["length"]);
     assert_eq!(fell == 0.0, length.as_f64() == Some(500.0), "{fell} % fell, {length} steps");
-    for (set, why) in
-        [(&["family=pendulum-family"][..], "no family of `ant`"), (&["family=ant-family", "fresh-seeds=7"], "policy train --family")]
-    {
+    for (set, why) in [
+        (&["family=pendulum-family"][..], "no family of `ant`"),
+        (&["family=ant-family", "fresh-seeds=7"], "policy train --family"),
+    ] {
         let all = [&[&policy[..], "episodes=2"], set].concat();
-        let said = settings::<policies::Policies>(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
+        let said =
+            settings::<policies::Policies>(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
         assert!(said.contains(why), "{set:?}: {said}");
     }
 }

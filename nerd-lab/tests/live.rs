@@ -149,7 +149,10 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
     let (_live, address, host) = served(ant());
     assert!(host.starts_with("127.0.0.1:"), "it listens at {host}");
     let page = get(&address, "/", &host);
-    assert!(page.starts_with("HTTP/1.1 200") && page.contains("ant &lt;in&gt; ground") && page.contains("\"solvers\""), "{page:.300}");
+    assert!(
+        page.starts_with("HTTP/1.1 200") && page.contains("ant &lt;in&gt; ground") && page.contains("\"solvers\""),
+        "{page:.300}"
+    );
     for (answer, code) in [
         (get(&address, "/", "evil.example:80"), 403),
         (get(&address, "/state", "evil.example"), 403),
@@ -169,7 +172,8 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
         .map(|k| {
             let mut stream = TcpStream::connect(&host).expect("a connection");
             let length = if k % 2 == 0 { "Content-Length: 2000" } else { "Transfer-Encoding: chunked" };
-            let text = format!("POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n{length}\r\n\r\n");
+            let text =
+                format!("POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n{length}\r\n\r\n");
             stream.write_all(text.as_bytes()).expect("begun");
             stream
         })
@@ -200,7 +204,9 @@ fn a_flood_of_asks_does_not_stop_the_motion() {
     let before = now().expect("a frame");
     std::thread::scope(|scope| {
         for _ in 0..4 {
-            scope.spawn(|| (0..100).for_each(|_| drop(post(&address, "application/json", r#"{"do":"hold","to":true}"#))));
+            scope.spawn(|| {
+                (0..100).for_each(|_| drop(post(&address, "application/json", r#"{"do":"hold","to":true}"#)))
+            });
         }
     });
     let after = now().expect("a frame");
@@ -212,7 +218,8 @@ fn a_world_slower_than_time_still_hears() {
     let system = System::named("ant").expect("built in");
     let batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1024);
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let (_live, address, host) = served(World::new("many", Act::Alone(simulation), vec![SolverSpec::implicit(64)]).expect("a solver"));
+    let (_live, address, host) =
+        served(World::new("many", Act::Alone(simulation), vec![SolverSpec::implicit(64)]).expect("a solver"));
     post(&address, "application/json", r#"{"do":"pause","to":true}"#);
     let began = Instant::now();
     while !get(&address, "/state", &host).contains("\"paused\":true") {
@@ -223,7 +230,8 @@ fn a_world_slower_than_time_still_hears() {
 #[test]
 fn a_friction_that_was_changed_keeps_no_model_away() {
     let model = nerd_train::shipped::model(Truth::Articulated, "ant");
-    let mut world = if model.exists() { over_ground("ant", vec![SolverSpec::default(), SolverSpec::neural(model)]) } else { ant() };
+    let mut world =
+        if model.exists() { over_ground("ant", vec![SolverSpec::default(), SolverSpec::neural(model)]) } else { ant() };
     world.answer(Ask::Friction(0.1));
     world.answer(Ask::Solver(1));
     steps(&mut world, 5);
@@ -277,7 +285,9 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     let page = world.page();
     let place = |list: &str, name: &str| {
         let all = page["menu"][list].as_array().expect("a list").clone();
-        all.iter().position(|own| own.as_str().is_some_and(|own| own.ends_with(name))).unwrap_or_else(|| panic!("no {name} in {list}"))
+        all.iter()
+            .position(|own| own.as_str().is_some_and(|own| own.ends_with(name)))
+            .unwrap_or_else(|| panic!("no {name} in {list}"))
     };
     world.answer(Ask::Robot(place("robots", "pendulum")));
     assert!(world.title.starts_with("pendulum in "), "{}", world.title);
@@ -291,7 +301,9 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     let numbers = world.number;
     world.answer(Ask::Envs(1000));
     world.page();
-    let lines = |world: &World| world.crowd().chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect::<Vec<_>>();
+    let lines = |world: &World| {
+        world.crowd().chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect::<Vec<_>>()
+    };
     let before = lines(&world);
     let each = before.len() / 999;
     assert!(each > 0 && each % 6 == 0 && before.len() == 999 * each, "{} numbers for 999 robots", before.len());
@@ -358,9 +370,14 @@ fn a_request_that_does_not_come_to_its_end_is_hung_up_on() {
 #[test]
 fn a_host_is_known_with_its_port_and_without() {
     let (_live, address, host) = served(ant());
-    for (name, code) in
-        [(host.as_str(), 200), ("127.0.0.1", 200), ("localhost", 200), ("localhost:80", 200), ("127.0.0.1.evil.example", 403), ("", 403)]
-    {
+    for (name, code) in [
+        (host.as_str(), 200),
+        ("127.0.0.1", 200),
+        ("localhost", 200),
+        ("localhost:80", 200),
+        ("127.0.0.1.evil.example", 403),
+        ("", 403),
+    ] {
         let answer = get(&address, "/state", name);
         assert!(answer.starts_with(&format!("HTTP/1.1 {code}")), "host `{name}`: {answer:.60}");
     }

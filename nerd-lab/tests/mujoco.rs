@@ -72,7 +72,10 @@ fn what_mujoco_refuses_is_written_as_it_takes_it() {
         value.split(' ').map(|x| x.parse().expect("a number")).collect()
     };
     let (range, radius) = (numbers("range=\""), numbers("type=\"sphere\" size=\""));
-    assert!(range[1] > range[0] && range[1] - range[0] < 1e-6 && radius[0] > 0.0 && radius[0] < 1e-6, "{range:?} {radius:?}");
+    assert!(
+        range[1] > range[0] && range[1] - range[0] < 1e-6 && radius[0] > 0.0 && radius[0] < 1e-6,
+        "{range:?} {radius:?}"
+    );
     assert_eq!(text.matches("<body name=\"world link\"").count(), 1, "{text}");
     let Some(python) = python() else { return };
     let batch = Batch::new(&system, &system.scene("plane").expect("a plane"), 1);
@@ -125,7 +128,11 @@ fn mujoco_moves_as_ours_does() {
         (0..8).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(7, env as u64))));
         let mut mujoco = Referee::new(&python, &batch, 60).expect("MuJoCo");
         let theirs = mujoco.play(Scheme::Rk4, 256, false).expect("played");
-        let fine = ArticulatedConfig { substeps: 256, contact_substeps: 1024, ..ArticulatedConfig::converged(Friction::Coulomb) };
+        let fine = ArticulatedConfig {
+            substeps: 256,
+            contact_substeps: 1024,
+            ..ArticulatedConfig::converged(Friction::Coulomb)
+        };
         let mut ours = Articulated::new(fine);
         let (mut worst, coords, nq) = (0.0f64, system.robot.root_coords(), system.robot.nq());
         for frame in &theirs.frames {
@@ -157,7 +164,8 @@ fn a_file_accelerates_as_mujoco_reads_it() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("r.xml");
     for root in ["", "<freejoint/>"] {
-        let settings = r#"<compiler eulerseq="ZYx" balanceinertia="true" settotalmass="30"/><option gravity="1 2 -9"/>"#;
+        let settings =
+            r#"<compiler eulerseq="ZYx" balanceinertia="true" settotalmass="30"/><option gravity="1 2 -9"/>"#;
         let text = format!(
             r#"<mujoco>{settings}<worldbody><body name="root">{root}<geom size=".2"/>{body}</body></worldbody>{equality}</mujoco>"#
         );
@@ -179,7 +187,9 @@ fn where_nothing_accelerates_the_difference_itself_counts() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("cart.xml");
     let joints = r#"<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint axis="0 0 1"/>"#;
-    let text = format!(r#"<mujoco><worldbody><body>{joints}<geom size=".1" mass="60" pos="0 0 .035"/></body></worldbody></mujoco>"#);
+    let text = format!(
+        r#"<mujoco><worldbody><body>{joints}<geom size=".1" mass="60" pos="0 0 .035"/></body></worldbody></mujoco>"#
+    );
     std::fs::write(&path, text).expect("a file");
     let gap = apart(&python, &path, &read(&path), 100).expect("read by both");
     assert!(gap < 1e-9, "accelerations of nothing are {gap:.1e} (m/s^2, rad/s^2) from MuJoCo's");
@@ -200,8 +210,7 @@ fn masses_and_contact_are_those_of_mujocos_compiler() {
         };
         let legs = [0, 1].map(leg).concat();
         let contact = r#"<contact><exclude body1="thigh0" body2="thigh1"/><pair geom1="shin0" geom2="shin1" condim="4" friction=".3 .3 .2"/></contact>"#;
-        let world =
-            r#"<geom name="floor" type="plane" size="1 1 1" contype="2" conaffinity="0"/><geom type="box" size=".1 .1 .1" pos="3 0 0"/>"#;
+        let world = r#"<geom name="floor" type="plane" size="1 1 1" contype="2" conaffinity="0"/><geom type="box" size=".1 .1 .1" pos="3 0 0"/>"#;
         let text = format!(
             r#"<mujoco><worldbody>{world}<body name="trunk"><freejoint/><geom size=".2"/>{legs}</body></worldbody>{contact}</mujoco>"#
         );
@@ -237,7 +246,9 @@ fn an_exported_policy_is_played_by_its_contract_alone() {
     let out = folder.path().join("policy.onnx");
     let task = |name: &str, seen: &str| {
         let path = folder.path().join(name);
-        let text = format!("robot = 'anymal'\nsteps = 40\nobservation = ['q - default_q', '{seen}', 'action']\nreward = '1'\n");
+        let text = format!(
+            "robot = 'anymal'\nsteps = 40\nobservation = ['q - default_q', '{seen}', 'action']\nreward = '1'\n"
+        );
         std::fs::write(&path, text).expect("a file");
         path.display().to_string()
     };
@@ -284,7 +295,14 @@ fn by_file(python: &Path, file: &str, task: &str) -> anyhow::Result<Played> {
     let task = named(&name)?;
     let policy = Policy::new(Shape::of(&*task, &PpoConfig::default()), &mut stream(5, 0));
     let contract = export(&policy, &*task, &out)?;
-    player::play(python, Model::File(&path), &out, &contract, &policy, Arena::Solver(SolverSpec::default()).episodes(&name, 2, 3)?)
+    player::play(
+        python,
+        Model::File(&path),
+        &out,
+        &contract,
+        &policy,
+        Arena::Solver(SolverSpec::default()).episodes(&name, 2, 3)?,
+    )
 }
 
 /// The crate slides at `(g sin a - mu g cos a) t` from any start height. The file's steps do not divide a frame. A
@@ -294,7 +312,8 @@ fn a_policy_is_played_with_the_settings_of_the_file() {
     let Some(python) = python() else { return };
     let servo = r#"<position joint="turn" kp="5" kv="1" gear="2"/>"#;
     for (joint, actuator, control) in [("", "", "torques"), ("name=\"turn\"", servo, "position actuators")] {
-        let played = by_file(&python, &crate_file(FLOOR, joint, actuator), CRATE).unwrap_or_else(|e| panic!("{control}: {e}"));
+        let played =
+            by_file(&python, &crate_file(FLOOR, joint, actuator), CRATE).unwrap_or_else(|e| panic!("{control}: {e}"));
         let (settings, Gaps { observation, action, torque }) = (&played.settings, played.apart);
         assert_eq!((settings.timestep, &*settings.control, &*settings.cone), (0.003, control, "pyramidal"));
         assert_eq!(settings.friction, [[0.1, 0.1]]);
@@ -302,7 +321,11 @@ fn a_policy_is_played_with_the_settings_of_the_file() {
         // Over steps k of 1/60 s the sum of a k / 60 is a 60 61 / 2 / 60.
         let expected = (3.355 - 0.1 * 9.218) * 61.0 / 2.0;
         for game in &played.games {
-            assert!((game.reward / expected - 1.0).abs() < 0.02, "{control}: sum of velocities {}, not {expected}", game.reward);
+            assert!(
+                (game.reward / expected - 1.0).abs() < 0.02,
+                "{control}: sum of velocities {}, not {expected}",
+                game.reward
+            );
         }
     }
 }
@@ -312,10 +335,15 @@ fn a_policy_is_played_with_the_settings_of_the_file() {
 fn the_ground_of_a_file_is_that_of_the_task() {
     let Some(python) = python() else { return };
     let bare = by_file(&python, &crate_file("", "", ""), CRATE).expect("played");
-    assert!(bare.settings.ground.contains("the file has none") && bare.settings.friction == [[1.0, 1.0]], "{:?}", bare.settings);
+    assert!(
+        bare.settings.ground.contains("the file has none") && bare.settings.friction == [[1.0, 1.0]],
+        "{:?}",
+        bare.settings
+    );
     let floor = FLOOR.replace("/>", " pos=\"0 0 1\"/>");
-    let refused =
-        by_file(&python, &crate_file(&floor, "", ""), &format!("scene = 'plane'\n{CRATE}")).expect_err("another ground").to_string();
+    let refused = by_file(&python, &crate_file(&floor, "", ""), &format!("scene = 'plane'\n{CRATE}"))
+        .expect_err("another ground")
+        .to_string();
     assert!(refused.contains("scene `plane`"), "{refused}");
 }
 
@@ -329,9 +357,14 @@ fn a_policy_is_carried_by_both_settings_or_by_ours_alone() {
         std::fs::write(&path, text).expect("a file");
         path.display().to_string()
     };
-    let (task, file) = (write("slide.toml", CRATE), write("crate.xml", &crate_file(FLOOR, "name=\"turn\"", "<motor joint=\"turn\"/>")));
+    let (task, file) = (
+        write("slide.toml", CRATE),
+        write("crate.xml", &crate_file(FLOOR, "name=\"turn\"", "<motor joint=\"turn\"/>")),
+    );
     let config = PpoConfig { environments: 2, horizon: 4, minibatch: 8, iterations: 1, ..PpoConfig::default() };
-    for (robot, rows) in [(&*file, vec!["truth", "MuJoCo, file", "MuJoCo, ours"]), ("ant", vec!["truth", "MuJoCo, ours"])] {
+    for (robot, rows) in
+        [(&*file, vec!["truth", "MuJoCo, file", "MuJoCo, ours"]), ("ant", vec!["truth", "MuJoCo, ours"])]
+    {
         let run = PolicyRun {
             task: format!("{task}@{robot}"),
             arena: Arena::Solver(SolverSpec::default()),

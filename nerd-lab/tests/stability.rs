@@ -15,7 +15,14 @@ fn only_the_reference_preset_pays_a_runner() {
     assert_eq!(lines.len(), 2, "{lines:?}");
     for line in &lines {
         let verdicts: Vec<_> = line.cells.iter().map(|c| c.verdict).collect();
-        assert_eq!(verdicts, [Verdict::Fail, Verdict::Pass, Verdict::Pass], "{}: {:?}, limit {}", line.row, line.cells, line.limit);
+        assert_eq!(
+            verdicts,
+            [Verdict::Fail, Verdict::Pass, Verdict::Pass],
+            "{}: {:?}, limit {}",
+            line.row,
+            line.cells,
+            line.limit
+        );
     }
 }
 
@@ -99,7 +106,10 @@ const REDDENED: [(&str, &[Fault]); 60] = [
     ("kp 2000 ahead", &[NoFloor, FrozenWorld]),
     ("kp 5000 ahead", &[NoFloor, FrozenWorld]),
     ("no number", &[SwallowedErrors]),
-    ("runner's energy", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    (
+        "runner's energy",
+        &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors],
+    ),
     ("runner's momentum", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
     ("long steps", &[HalfGravity, NoFloor, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
     ("tosses", &[HalfGravity, NoFloor, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
@@ -112,7 +122,14 @@ const REDDENED: [(&str, &[Fault]); 60] = [
 impl Fault {
     fn of(self, method: Method) -> Method {
         method.around(move |solver| {
-            Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })
+            Box::new(Broken {
+                solver,
+                fault: self,
+                frame: 0,
+                before: Vec::new(),
+                scenes: Vec::new(),
+                torques: Vec::new(),
+            })
         })
     }
 
@@ -202,14 +219,16 @@ fn into_body_axes(state: &mut [f64], nq: usize) {
 #[test]
 fn every_row_can_go_red() {
     let (method, suite) = (converged(), Suite::new());
-    let asked = suite.rows().iter().filter(|row| row.must_pass()).flat_map(|row| Fault::iter().map(|fault| (*row, fault)));
+    let asked =
+        suite.rows().iter().filter(|row| row.must_pass()).flat_map(|row| Fault::iter().map(|fault| (*row, fault)));
     let wrong: Vec<String> = asked
         .collect::<Vec<_>>()
         .par_iter()
         .filter_map(|(row, fault)| {
             let cell = row.cell(&fault.of(method.clone()));
             let named = REDDENED.iter().any(|(name, faults)| *name == row.name && faults.contains(fault));
-            ((cell.verdict != Verdict::Pass) != named).then(|| format!("{} under {fault:?}: {:?}", row.name, (cell.figure, cell.lost)))
+            ((cell.verdict != Verdict::Pass) != named)
+                .then(|| format!("{} under {fault:?}: {:?}", row.name, (cell.figure, cell.lost)))
         })
         .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));

@@ -127,7 +127,11 @@ fn a_file_beside_mujoco_is_equal_or_says_why_not() {
         );
         std::fs::write(folder.path().join(name), text).expect("a file");
     };
-    write("a.xml", "", r#"<geom type="plane" size="1 1 1" friction="2"/><geom type="hfield" hfield="hill" pos="0 0 -1"/>"#);
+    write(
+        "a.xml",
+        "",
+        r#"<geom type="plane" size="1 1 1" friction="2"/><geom type="hfield" hfield="hill" pos="0 0 -1"/>"#,
+    );
     // Tangential friction 1 and 0.5 becomes one coefficient here, 0.75.
     let pair = r#"<contact><pair geom1="floor" geom2="ball" friction="1 .5"/></contact>"#;
     write("b.xml", "", &format!(r#"<geom name="floor" type="plane" size="1 1 1"/></worldbody>{pair}<worldbody>"#));
@@ -137,7 +141,9 @@ fn a_file_beside_mujoco_is_equal_or_says_why_not() {
     let verdicts: Vec<&str> = table.rows.iter().filter_map(|row| row.last()).map(String::as_str).collect();
     assert_eq!(verdicts.len(), 4, "{verdicts:?}");
     assert_eq!(verdicts[0], "equal");
-    for (verdict, words) in verdicts[1..].iter().zip(["`floor` and `ball`: friction 0.750 here", "refused: ", "refused: "]) {
+    for (verdict, words) in
+        verdicts[1..].iter().zip(["`floor` and `ball`: friction 0.750 here", "refused: ", "refused: "])
+    {
         assert!(verdict.contains(words), "{words}: {verdicts:?}");
     }
     assert!(table.note.starts_with("4 files: 2 load; of 1 "), "{}", table.note);

@@ -6,7 +6,9 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use nerd_model::chain::{ChainSolver, INPUTS, OUTPUTS};
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{Architecture, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed};
+use nerd_model::transformer::{
+    Architecture, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights, Windowed,
+};
 use nerd_sim::prelude::*;
 
 fn inference(c: &mut Criterion) {
@@ -40,7 +42,15 @@ fn chain(c: &mut Criterion) {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-sim/assets/cables/lead-pegs.toml");
     let system = System::named(path).expect("the lead");
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 48);
-    let network = TransformerConfig { layers: 8, heads: 1, block: 40, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
+    let network = TransformerConfig {
+        layers: 8,
+        heads: 1,
+        block: 40,
+        history: 1,
+        head: 1,
+        architecture: Architecture::Chain,
+        ..paper
+    };
     // Outputs are nearly zero, so that the cable stays in place.
     let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: vec![1e-12; OUTPUTS], epsilon: 1e-24 };
     let normalizer = Normalizer { inputs: Moments::identity(INPUTS), outputs };

@@ -28,7 +28,8 @@ impl Around {
     /// after the frame (tangent space). Adds the direct part with respect to the state before the frame to
     /// `gradient[2 nv]`.
     pub fn outputs_back(&self, before: &[f64], outputs: &[f32], upstream: &[f64], gradient: &mut [f64]) -> Vec<f32> {
-        let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
+        let (robot, time, prediction) =
+            (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
         if self.form.base == Base::Trapezoid {
             trapezoid::carry(robot, time, before, &mut change, 1.0);
@@ -40,8 +41,8 @@ impl Around {
         by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
     }
 
-    /// Adds to `gradient[2 nv]` the gradient with respect to the state, from the gradient with respect to its normalised
-    /// token. Returns the gradient with respect to the unnormalised token.
+    /// Adds to `gradient[2 nv]` the gradient with respect to the state, from the gradient with respect to its
+    /// normalised token. Returns the gradient with respect to the unnormalised token.
     pub fn token_back(
         &self,
         state: &[f64],
@@ -50,7 +51,8 @@ impl Around {
         data: &mut Data,
         gradient: &mut [f64],
     ) -> Vec<f64> {
-        let by: Vec<f64> = by_token.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
+        let by: Vec<f64> =
+            by_token.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
         let seen = Seen { state, contacts, gravity, view: self.form.view, frame_time: self.system.frame_time };
         token_back(&self.system.robot, &seen, &by, data, gradient);
         by

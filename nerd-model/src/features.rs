@@ -48,7 +48,8 @@ impl Features {
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
         let form = form.into();
         let told = if form.told { Told::new(system) } else { Told::default() };
-        let mut new = Self { data, system: system.clone(), form, velocities: Vec::new(), near, far, told: (told, Vec::new()) };
+        let mut new =
+            Self { data, system: system.clone(), form, velocities: Vec::new(), near, far, told: (told, Vec::new()) };
         new.tell(&[]);
         new
     }
@@ -103,7 +104,14 @@ impl Features {
 
     /// Writes the token of a frame, `[inputs]`, not normalised: the state before the frame, its contacts, the torques
     /// over it, gravity (m/s^2).
-    pub fn token(&mut self, state: &[f64], contacts: &[ContactEvent], torques: &[f64], gravity: &Vector3<f64>, out: &mut [f32]) {
+    pub fn token(
+        &mut self,
+        state: &[f64],
+        contacts: &[ContactEvent],
+        torques: &[f64],
+        gravity: &Vector3<f64>,
+        out: &mut [f32],
+    ) {
         let system = self.system.clone();
         let situated = Self::situated(&system.robot);
         let frame = if situated { self.frame(state) } else { world() };
@@ -145,7 +153,8 @@ impl Features {
         if self.form.view == View::Moving {
             for ahead in [0.0, system.frame_time] {
                 for (k, (event, velocity)) in contacts.iter().zip(&self.velocities).enumerate() {
-                    let gap = event.distance - system.robot.contact_points[k].radius + ahead * event.normal.dot(velocity);
+                    let gap =
+                        event.distance - system.robot.contact_points[k].radius + ahead * event.normal.dot(velocity);
                     put(&[if seen(k) { nearness(gap) } else { 1.0 }]);
                 }
             }
@@ -166,7 +175,9 @@ impl Features {
     fn waves(&mut self) -> Vec<f64> {
         let robot = &self.system.robot;
         let mut end = Vec::new();
-        for (joint, q) in robot.joints().zip(&mut self.near[robot.root_coords()..]).filter(|_| self.form.view == View::Moving) {
+        for (joint, q) in
+            robot.joints().zip(&mut self.near[robot.root_coords()..]).filter(|_| self.form.view == View::Moving)
+        {
             let (sin, cos) = q.sin_cos();
             match waves(joint) {
                 0 => continue,
@@ -187,7 +198,8 @@ impl Features {
             kinematics(robot, q, data);
         }
         velocities(robot, &qd.to_local(robot, q).0, data);
-        let speed = |(event, point): (&ContactEvent, &ContactPoint)| data.velocity[point.link].at(&(event.p0 - data.origin));
+        let speed =
+            |(event, point): (&ContactEvent, &ContactPoint)| data.velocity[point.link].at(&(event.p0 - data.origin));
         self.velocities.clear();
         self.velocities.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }

@@ -83,7 +83,8 @@ impl Frame {
             seen.push(self.events.clone());
         }
         let outputs = network.forward(&tokens, &mut self.memory, Pass::Kept(1)).clone();
-        let mut found = Gradients { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], ..Gradients::default() };
+        let mut found =
+            Gradients { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], ..Gradients::default() };
         self.apply(batch, first, &outputs, &mut found.next);
         found.next.chunks_exact_mut(d).for_each(|next| wrap_state(robot, next));
         found.torques.resize(count * rows * joints, 0.0);
@@ -97,7 +98,13 @@ impl Frame {
             let by_tokens = network.backward_to_tokens(1, &by_outputs, &mut self.memory);
             for (i, (by, contacts)) in by_tokens.chunks_exact(inputs).zip(&seen).enumerate() {
                 let (env, gradient) = (first + i, &mut found.states[at(i)]);
-                let by = self.around.token_back(batch.state(env), (contacts, batch.scenes[env].gravity), by, &mut self.data, gradient);
+                let by = self.around.token_back(
+                    batch.state(env),
+                    (contacts, batch.scenes[env].gravity),
+                    by,
+                    &mut self.data,
+                    gradient,
+                );
                 found.torques[(i * rows + row) * joints..][..joints].copy_from_slice(self.around.of_torques(&by));
             }
         }

@@ -94,15 +94,19 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
             let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
             let velocity = data.velocity[point.link].at(&at);
             let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
-            let [now, later] = [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearness_gradient(gap(ahead)));
+            let [now, later] =
+                [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearness_gradient(gap(ahead)));
             let by_closing = later * frame_time;
             by_depth += now + later;
             let along = r * by_speed + event.normal * by_closing;
             impulses[point.link] += Wrench::force_at(along, &at);
             quickened(robot, data, point.link, &at, &along, gradient);
             // A floating root's velocity is expressed in axes that rotate with it.
-            turn +=
-                if robot.floating() { r.tr_mul(&velocity.cross(&event.normal)) * by_closing } else { by_speed.cross(&r.tr_mul(&velocity)) };
+            turn += if robot.floating() {
+                r.tr_mul(&velocity.cross(&event.normal)) * by_closing
+            } else {
+                by_speed.cross(&r.tr_mul(&velocity))
+            };
         }
         let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
         push(data, point, event, force, &mut loads);
@@ -138,7 +142,14 @@ fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &
 
 /// Adjoint of [`Features::apply`] for the gradient `upstream[2 nv]` with respect to the next state. Adds the gradient
 /// with respect to the state to `gradient[2 nv]`, and writes the gradient with respect to `change` to `by_change`.
-pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64], gradient: &mut [f64], by_change: &mut [f64]) {
+pub fn apply_back(
+    robot: &Robot,
+    state: &[f64],
+    change: &[f64],
+    upstream: &[f64],
+    gradient: &mut [f64],
+    by_change: &mut [f64],
+) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {
         by_change[coords + i] = upstream[dofs + i];
@@ -158,7 +169,8 @@ pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64]
     let [by_turn, by_shift, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| part(upstream, at));
     let (by_spin, by_speed, by_x) = (n * by_a, n * by_b, n * by_shift);
     let by_own = by_spin + d.cross(&by_speed);
-    let by_n = by_turn + by_a.cross(&n.inverse_transform_vector(&spin)) + by_b.cross(&n.inverse_transform_vector(&speed));
+    let by_n =
+        by_turn + by_a.cross(&n.inverse_transform_vector(&spin)) + by_b.cross(&n.inverse_transform_vector(&speed));
     let by_quaternion = n.into_inner() * Quaternion::from_imag(by_n * (2.0 / raw.norm()));
     by_change[..3].copy_from_slice((by_x + by_speed.cross(&spin)).as_slice());
     by_change[3..7].copy_from_slice(by_quaternion.coords.as_slice());

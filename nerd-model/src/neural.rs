@@ -55,7 +55,9 @@ impl Neural {
 
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         if self.model.config.network.architecture == Architecture::Chain {
-            return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::solver::learned".into()));
+            return Err(StepError::Solver(
+                "a model of a chain: make its solver with nerd_model::solver::learned".into(),
+            ));
         }
         let n = batch.len();
         if self.newest.len() != n {
@@ -94,7 +96,8 @@ impl Solver for Neural {
         self.network.push(&self.tokens, &mut self.predictions).map_err(failed)?;
 
         let size = CHUNK * network.outputs;
-        let chunks = self.next.par_chunks_mut(size).zip(self.predictions.par_chunks(size)).zip(&mut self.frames).enumerate();
+        let chunks =
+            self.next.par_chunks_mut(size).zip(self.predictions.par_chunks(size)).zip(&mut self.frames).enumerate();
         chunks.for_each(|(i, ((next, predictions), frame))| frame.apply(before, i * CHUNK, predictions, next));
         let done = commit(batch, &mut self.next, &mut self.faults);
         if let Err(StepError::Environments(faults)) = &done {
@@ -127,7 +130,8 @@ impl Solver for Neural {
             let envs = (i * size, size.min(batch.len() - i * size));
             frame.back((batch, torques), network, envs, (rows, grad_next))
         };
-        let parts: Vec<Gradients> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
+        let parts: Vec<Gradients> =
+            self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
         let mut all = Gradients::default();
         parts.into_iter().for_each(|part| all.append(part));
         Ok(all)

@@ -25,7 +25,8 @@ pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     let root = [of(3, 1.0), of(4, 1.0), of(5, 1.0), of(0, 0.5), of(1, 0.5), of(2, 0.5), of(0, 0.5)];
     let pairs = root.into_iter().take(coords).chain((0..robot.joint_count()).map(|i| of(dofs + i, 1.0)));
     for (k, (share, velocity)) in pairs.enumerate() {
-        outputs.variance[k] = (share * share * (outputs.variance[velocity] + outputs.epsilon) - outputs.epsilon).max(0.0);
+        outputs.variance[k] =
+            (share * share * (outputs.variance[velocity] + outputs.epsilon) - outputs.epsilon).max(0.0);
     }
 }
 
@@ -61,8 +62,11 @@ pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mu
     let twist = (by_own * raw_quaternion(&prediction[3..]).conjugate()).imag() * 0.5;
     // With respect to the rotation vector: the transposed right Jacobian of exp.
     let angle = u.norm();
-    let (first, second) =
-        if angle > 1e-4 { ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3)) } else { (0.5, 1.0 / 6.0) };
+    let (first, second) = if angle > 1e-4 {
+        ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3))
+    } else {
+        (0.5, 1.0 / 6.0)
+    };
     let once = u.cross(&twist);
     let by_u = twist + once * first + u.cross(&once) * second;
     by[3..7].copy_from_slice(by_own.coords.as_slice());

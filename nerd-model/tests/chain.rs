@@ -27,7 +27,15 @@ fn state(chain: &Chain, seed: f64) -> (Vec<f64>, Vec<f64>) {
 
 fn network(chain: &Chain) -> TransformerConfig {
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 48);
-    TransformerConfig { layers: 8, heads: 1, block: chain.rods, history: 1, head: 1, architecture: Architecture::Chain, ..paper }
+    TransformerConfig {
+        layers: 8,
+        heads: 1,
+        block: chain.rods,
+        history: 1,
+        head: 1,
+        architecture: Architecture::Chain,
+        ..paper
+    }
 }
 
 fn normalizer() -> Normalizer {
@@ -49,7 +57,8 @@ fn rods_and_joints_are_the_same_state() {
         worst = state.iter().zip(&back).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
         let mut data = nerd_core::dynamics::Data::new(&system.robot);
         nerd_core::dynamics::kinematics(&system.robot, &state, &mut data);
-        let places = system.robot.contact_points.iter().map(|p| nerd_core::dynamics::point_position(&data, p.link, &p.local));
+        let places =
+            system.robot.contact_points.iter().map(|p| nerd_core::dynamics::point_position(&data, p.link, &p.local));
         way = places.zip(&chain.nodes(&rods)[0]).fold(way, |way, (a, b)| way.max((a - b).norm()));
     }
     assert!(worst < 1e-12, "joints to rods and back: off by {worst:.1e} rad or rad/s");
@@ -61,9 +70,15 @@ fn rates_are_how_directions_change() {
     let (_, chain) = lead();
     let (before, _) = state(&chain, 3.0);
     let (n, h) = (before.len() / 2, 1e-6);
-    let moved = |h: f64| chain.rods(&(0..2 * n).map(|i| if i < n { before[i] + h * before[n + i] } else { before[i] }).collect::<Vec<_>>());
+    let moved = |h: f64| {
+        chain.rods(
+            &(0..2 * n).map(|i| if i < n { before[i] + h * before[n + i] } else { before[i] }).collect::<Vec<_>>(),
+        )
+    };
     let (back, ahead, rods) = (moved(-h), moved(h), chain.rods(&before));
-    let worst = (0..chain.rods).map(|k| ((ahead.along[k] - back.along[k]) / (2.0 * h) - rods.rates[k]).norm()).fold(0.0, f64::max);
+    let worst = (0..chain.rods)
+        .map(|k| ((ahead.along[k] - back.along[k]) / (2.0 * h) - rods.rates[k]).norm())
+        .fold(0.0, f64::max);
     assert!(worst < 1e-6, "off by {worst:.1e} 1/s");
 }
 
@@ -87,8 +102,14 @@ fn flat(rods: &Rods) -> Vec<f64> {
 
 fn rods_of(numbers: &[f64]) -> Rods {
     let (gripper, rest) = numbers.split_at(12);
-    let [along, rates] =
-        [0, 1].map(|i| rest[i * rest.len() / 2..][..rest.len() / 2].as_chunks().0.iter().map(|v: &[f64; 3]| Vector3::from(*v)).collect());
+    let [along, rates] = [0, 1].map(|i| {
+        rest[i * rest.len() / 2..][..rest.len() / 2]
+            .as_chunks()
+            .0
+            .iter()
+            .map(|v: &[f64; 3]| Vector3::from(*v))
+            .collect()
+    });
     let mut rods = Rods { along, rates, ..Rods::default() };
     rods.gripper.numbers_mut().zip(gripper).for_each(|(x, g)| *x = *g);
     rods
@@ -123,7 +144,8 @@ fn gradients_of_a_frame_are_those_of_differences() {
         // Directions within one part at a time. Tokens are rounded to f32, so the step is large.
         let (third, start) = (12 + 3 * chain.rods, flat(&rods));
         for (part, h) in [(0..12, 1e-5), (12..third, 1e-5), (third..start.len(), 1e-3)] {
-            let way: Vec<f64> = weights(&chain).iter().enumerate().map(|(k, w)| if part.contains(&k) { *w } else { 0.0 }).collect();
+            let way: Vec<f64> =
+                weights(&chain).iter().enumerate().map(|(k, w)| if part.contains(&k) { *w } else { 0.0 }).collect();
             let value = |h: f64| {
                 let moved: Vec<f64> = start.iter().zip(&way).map(|(x, w)| x + h * w).collect();
                 weighed(&chain, &rods_of(&moved), &torques, outputs, &scene)
@@ -147,10 +169,14 @@ fn gradients_of_a_frame_are_those_of_differences() {
 fn a_chain_moves_the_same_alone_and_among_others() {
     let (system, chain) = lead();
     let weights = Weights::init(network(&chain), 3);
-    let start = begin(&system, &GenerateConfig { transitions: 5, frames: 1, seed: 4, ..GenerateConfig::default() }, 0, 5).expect("starts");
+    let start =
+        begin(&system, &GenerateConfig { transitions: 5, frames: 1, seed: 4, ..GenerateConfig::default() }, 0, 5)
+            .expect("starts");
     let joints = system.robot.joint_count();
-    let torques: Vec<f64> =
-        numbers(5, 1.0, 1.0).iter().flat_map(|x| (0..joints).map(move |k| if k < 6 { 20.0 * x } else { 0.0 })).collect();
+    let torques: Vec<f64> = numbers(5, 1.0, 1.0)
+        .iter()
+        .flat_map(|x| (0..joints).map(move |k| if k < 6 { 20.0 * x } else { 0.0 }))
+        .collect();
     let roll = |envs: &[usize]| {
         let mut batch = Batch::new(&system, &start.scenes[0], envs.len());
         for (i, env) in envs.iter().enumerate() {
@@ -164,7 +190,11 @@ fn a_chain_moves_the_same_alone_and_among_others() {
     };
     let all = roll(&[0, 1, 2, 3, 4]);
     assert_eq!(all, roll(&[0, 1, 2, 3, 4]), "twice the same");
-    assert_eq!(all[3 * system.robot.state_dim()..4 * system.robot.state_dim()], roll(&[3])[..], "alone and among others");
+    assert_eq!(
+        all[3 * system.robot.state_dim()..4 * system.robot.state_dim()],
+        roll(&[3])[..],
+        "alone and among others"
+    );
 }
 
 #[test]
@@ -172,7 +202,8 @@ fn what_is_no_chain_or_no_number_is_refused() {
     let pendulum = Chain::of(&System::named("pendulum").expect("a robot")).expect_err("no chain").to_string();
     assert!(pendulum.starts_with("robot `pendulum` is not a chain") && !pendulum.contains('\n'), "{pendulum}");
     let twisting = "[cable]\nlength = 0.5\ndiameter = 0.006\nmass = 0.03\nbending = 1e-3\ntwisting = 1e-3\nlinks = 10";
-    let twisting = Chain::of(&System::from_toml("rope", twisting).expect("a cable")).expect_err("it twists").to_string();
+    let twisting =
+        Chain::of(&System::from_toml("rope", twisting).expect("a cable")).expect_err("it twists").to_string();
     assert!(twisting.contains("hinge"), "{twisting}");
 
     let (system, chain) = lead();
@@ -183,6 +214,9 @@ fn what_is_no_chain_or_no_number_is_refused() {
     *weights.flat.last_mut().expect("weights") = f32::NAN;
     let mut batch = Batch::new(&system, &system.scene("plane").expect("a floor"), 2);
     let torques = vec![0.0; 2 * system.robot.joint_count()];
-    let error = ChainSolver::new(&weights, &normalizer(), &system).expect("its chain").step(&mut batch, &torques).expect_err("no number");
+    let error = ChainSolver::new(&weights, &normalizer(), &system)
+        .expect("its chain")
+        .step(&mut batch, &torques)
+        .expect_err("no number");
     assert!(error.to_string().starts_with("environment 0, frame 0: "), "{error}");
 }

@@ -5,7 +5,9 @@ use nerd_model::{base::Base, features::Features};
 use nerd_sim::prelude::*;
 
 fn forms() -> impl Iterator<Item = Form> {
-    [Base::State, Base::Trapezoid].into_iter().flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view, told: false }))
+    [Base::State, Base::Trapezoid]
+        .into_iter()
+        .flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view, told: false }))
 }
 
 fn system(robot: &str) -> Arc<System> {
@@ -27,7 +29,8 @@ fn what_is_predicted_leads_to_the_next_state_in_every_form() {
                 let change: Vec<f64> = target.iter().map(|x| f64::from(*x)).collect();
                 features.apply(&state, &change, &mut made);
                 for (i, (a, b)) in made.iter().zip(&next).enumerate() {
-                    let wraps = (root..system.robot.nq()).contains(&i) && system.robot.joints().nth(i - root).is_some_and(|j| j.wraps());
+                    let wraps = (root..system.robot.nq()).contains(&i)
+                        && system.robot.joints().nth(i - root).is_some_and(|j| j.wraps());
                     worst = worst.max(if wraps { wrap(a - b).abs() } else { (a - b).abs() / b.abs().max(1.0) });
                 }
             }
@@ -70,7 +73,9 @@ fn told(robot: &str, view: View, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
 #[test]
 fn a_token_sees_neither_place_nor_heading() {
     let up = Vector3::y_axis();
-    for (robot, view) in ["pendulum", "ant"].into_iter().flat_map(|robot| [View::Own, View::Moving].map(|view| (robot, view))) {
+    for (robot, view) in
+        ["pendulum", "ant"].into_iter().flat_map(|robot| [View::Own, View::Moving].map(|view| (robot, view)))
+    {
         let mut seen = 0;
         for k in 0..20 {
             let here = told(robot, view, &Isometry3::identity(), k);
@@ -78,8 +83,17 @@ fn a_token_sees_neither_place_nor_heading() {
             // Normals, or velocities of contact points.
             let first = if view == View::Own { d } else { d + 7 * points };
             seen += here[first..first + 3 * points].iter().filter(|x| **x != 0.0).count();
-            for (by, heading) in [(Vector3::new(3.0, -1.0, 2.0), 0.0), (Vector3::zeros(), 2.0), (Vector3::new(300.0, 20.0, -500.0), -1.3)] {
-                let there = told(robot, view, &Isometry3::from_parts(by.into(), UnitQuaternion::from_axis_angle(&up, heading)), k);
+            for (by, heading) in [
+                (Vector3::new(3.0, -1.0, 2.0), 0.0),
+                (Vector3::zeros(), 2.0),
+                (Vector3::new(300.0, 20.0, -500.0), -1.3),
+            ] {
+                let there = told(
+                    robot,
+                    view,
+                    &Isometry3::from_parts(by.into(), UnitQuaternion::from_axis_angle(&up, heading)),
+                    k,
+                );
                 let worst = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                 assert!(worst < 1e-5, "{robot}, {view:?}, start {k}, moved {by:?} and turned {heading}: {worst:.1e}");
             }
@@ -105,7 +119,8 @@ fn a_pure_model_sees_no_dynamics() {
                 if !joint.wraps() {
                     (joint.stiffness, joint.rest) = (joint.stiffness + 1.0, joint.rest + 0.1);
                 }
-                (joint.damping, joint.friction, joint.armature) = (joint.damping + 1.0, joint.friction + 1.0, joint.armature + 1.0);
+                (joint.damping, joint.friction, joint.armature) =
+                    (joint.damping + 1.0, joint.friction + 1.0, joint.armature + 1.0);
             }
         }
         other.spec.material.friction += 0.5;

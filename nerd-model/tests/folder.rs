@@ -67,7 +67,10 @@ fn whatever_is_changed_loads_as_it_was_or_is_refused() {
             }
             std::fs::write(&path, &changed).expect("written");
             match Model::load(folder.path(), &pendulum(), None) {
-                Ok(found) => assert!(alike(&found, &whole), "{name}, case {case}, byte {at}: another model is taken for the saved one"),
+                Ok(found) => assert!(
+                    alike(&found, &whole),
+                    "{name}, case {case}, byte {at}: another model is taken for the saved one"
+                ),
                 Err(e) => {
                     assert!(!e.to_string().contains('\n'), "{name}, case {case}: `{e}` is not one line");
                     refused += 1;
@@ -121,7 +124,18 @@ fn a_shape_that_is_not_refused_predicts() {
         let positions = common::POSITIONS[rng.random_range(0..2)];
         let all = [Architecture::Transformer, Architecture::Residual, Architecture::Chain];
         let architecture = all[rng.random_range(0..if case % 2 == 0 { 1 } else { 3 })];
-        let config = TransformerConfig { inputs, outputs, embedding, layers, heads, block, history, head, positions, architecture };
+        let config = TransformerConfig {
+            inputs,
+            outputs,
+            embedding,
+            layers,
+            heads,
+            block,
+            history,
+            head,
+            positions,
+            architecture,
+        };
         if let Err(reason) = config.check() {
             assert!(reason.starts_with('`') && !reason.contains('\n'), "{config:?}: {reason}");
             refused += 1;
@@ -130,7 +144,10 @@ fn a_shape_that_is_not_refused_predicts() {
         let (mut network, mut out) = (packed(&Weights::init(config, case)), Vec::new());
         for frame in 0..6 {
             network.push(&vec![0.3 * frame as f32; 2 * inputs], &mut out).expect("a frame");
-            assert!(out.len() == 2 * outputs && out.iter().all(|x| x.is_finite()), "{config:?}, frame {frame}: {out:?}");
+            assert!(
+                out.len() == 2 * outputs && out.iter().all(|x| x.is_finite()),
+                "{config:?}, frame {frame}: {out:?}"
+            );
         }
         run += 1;
     }
@@ -157,7 +174,8 @@ fn what_is_no_number_is_refused_with_its_place() {
         let mut model = model(&pendulum(), Base::State);
         change(&mut model);
         let saved = model.save(folder.path(), "# card\n", storage);
-        let error = saved.and_then(|()| Model::load(folder.path(), &pendulum(), None)).expect_err("no number").to_string();
+        let error =
+            saved.and_then(|()| Model::load(folder.path(), &pendulum(), None)).expect_err("no number").to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{error}");
     }
 }
@@ -167,7 +185,8 @@ fn a_robot_of_the_same_name_is_not_the_same_robot() {
     let (folder, (spec, urdf)) = (saved(), System::texts("pendulum").expect("built in"));
     let same = System::from_text("pendulum", urdf, Some(spec)).expect("valid");
     Model::load(folder.path(), &same, None).expect("the same robot from its files");
-    let lighter = System::from_text("pendulum", &urdf.replacen("mass value=\"25", "mass value=\"2", 1), Some(spec)).expect("valid");
+    let lighter = System::from_text("pendulum", &urdf.replacen("mass value=\"25", "mass value=\"2", 1), Some(spec))
+        .expect("valid");
     let error = refusal(folder.path(), &lighter, None);
     let hashes = [same.robot_sha256(), lighter.robot_sha256()];
     assert!(hashes.iter().all(|h| error.contains(&h[..12])) && error.contains("masses"), "{error}");
@@ -205,7 +224,9 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
 #[test]
 fn shipped_models_are_of_built_in_robots_and_known_truths() {
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
-    let below = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect::<Vec<_>>();
+    let below = |folder: &Path| {
+        std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect::<Vec<_>>()
+    };
     let all = below(&models).into_iter().filter(|folder| folder.join("config.json").exists());
     for folder in all {
         let config = ModelConfig::read(&folder).expect("a card");

@@ -40,7 +40,12 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         let launches = format!("const int N = {N}, ROWS = {ROWS};\n{LAUNCHES}");
         let numbers = record(&batch.scenes[0], &system, Reach::of(&batch)).expect("a scene with kernels");
         let mut buffers = [&batch.states, &torques, &numbers].map(|numbers| bytes(numbers, f64::to_le_bytes)).to_vec();
-        buffers.extend([vec![0; 4 * N], vec![0; 4 * N * d], bytes(&grad_next, f64::to_le_bytes), vec![0; 4 * ROWS * N * inputs]]);
+        buffers.extend([
+            vec![0; 4 * N],
+            vec![0; 4 * N * d],
+            bytes(&grad_next, f64::to_le_bytes),
+            vec![0; 4 * ROWS * N * inputs],
+        ]);
         let found = [4 * N * padded(inputs), 4 * ROWS * N * d, 8 * N * d, 8 * grad_next.len(), 8 * N * ROWS * joints];
         buffers.extend(found.map(|size| vec![0; size]));
         // Three launches: for tokens, for gradients with respect to outputs, and for the full adjoint.
@@ -54,7 +59,11 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         let found = compiler.launch(&text, &launches, &buffers);
         let [next, states, by_torques] = [9, 10, 11].map(|k| doubles(&found[k]));
         let expected = Neural::on_cpu(model).vjp(&batch, &torques, ROWS, &grad_next).expect("gradients");
-        let off = [worst(&next, &expected.next), worst(&states, &expected.states), worst(&by_torques, &expected.torques)];
-        assert!(off.iter().all(|off| *off < 1e-5), "{robot}: next states, gradients by states and by torques {off:?} off");
+        let off =
+            [worst(&next, &expected.next), worst(&states, &expected.states), worst(&by_torques, &expected.torques)];
+        assert!(
+            off.iter().all(|off| *off < 1e-5),
+            "{robot}: next states, gradients by states and by torques {off:?} off"
+        );
     }
 }

@@ -17,8 +17,14 @@ fn moved(system: &System, state: &[f64], k: usize, by: f64) -> Vec<f64> {
     to
 }
 
-const ROBOTS: [(&str, &str); 6] =
-    [("cartpole", "free"), ("pendulum", "ground1"), ("cube", "ground"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")];
+const ROBOTS: [(&str, &str); 6] = [
+    ("cartpole", "free"),
+    ("pendulum", "ground1"),
+    ("cube", "ground"),
+    ("franka", "free"),
+    ("ant", "ground"),
+    ("anymal", "ground"),
+];
 
 #[test]
 fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
@@ -33,7 +39,8 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
         let (mut off, mut near) = (0.0f64, 0);
         for seed in 0..40 {
             let first = start(&system, if seed % 2 == 0 { Start::Reset } else { Start::Sample }, &mut stream(7, seed));
-            let mut simulation = Simulation::new(Batch::new(&system, &scene, 1), Articulated::new(ArticulatedConfig::accurate(&system)));
+            let mut simulation =
+                Simulation::new(Batch::new(&system, &scene, 1), Articulated::new(ArticulatedConfig::accurate(&system)));
             simulation.reset(0, &first);
             (0..seed).for_each(|_| simulation.step(&vec![0.0; system.robot.joint_count()]).expect("a frame"));
             let state = simulation.batch.state(0).to_vec();
@@ -46,7 +53,8 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
             };
             // Fourth order: nearness curves within millimetres, and tokens are f32.
             let h = 4e-4;
-            let mut change = |k: usize, by: f64| token(&moved(&system, &state, k, by)) - token(&moved(&system, &state, k, -by));
+            let mut change =
+                |k: usize, by: f64| token(&moved(&system, &state, k, by)) - token(&moved(&system, &state, k, -by));
             let expected = (0..2 * system.robot.nv()).map(|k| (8.0 * change(k, h) - change(k, 2.0 * h)) / (12.0 * h));
             let expected: Vec<f64> = expected.collect();
             let mut gradient = vec![0.0; 2 * system.robot.nv()];
@@ -77,7 +85,8 @@ fn depths_of_discs_and_hulls_change_as_differences_say() {
     let cube = System::named("cube").expect("built in");
     let (mut wheel, scene) = (System::clone(&cube), cube.scene("ground").expect("built in"));
     let corners = [[0.05, 0.04, 0.03], [-0.05, 0.02, 0.01], [0.0, -0.06, 0.02], [0.01, 0.0, -0.05]].map(Vector3::from);
-    wheel.robot.contact_points = ContactPoint::disc(0, Vector3::new(0.01, 0.02, 0.0), Vector3::y_axis(), 0.05, 0.005).to_vec();
+    wheel.robot.contact_points =
+        ContactPoint::disc(0, Vector3::new(0.01, 0.02, 0.0), Vector3::y_axis(), 0.05, 0.005).to_vec();
     wheel.robot.contact_points.push(ContactPoint::hull(0, corners.to_vec(), 0.002));
     let (wheel, mut data, mut events) = (Arc::new(wheel), Data::new(&cube.robot), Vec::new());
     let (points, d) = (wheel.robot.contact_points.len(), wheel.robot.state_dim());
@@ -92,8 +101,9 @@ fn depths_of_discs_and_hulls_change_as_differences_say() {
             contacts(&wheel, &scene, state, &mut data, &mut events);
             (events[0].distance + 2.0 * events[3].distance, events.clone())
         };
-        let expected: Vec<f64> =
-            (0..6).map(|k| (depths(&moved(&wheel, &state, k, h)).0 - depths(&moved(&wheel, &state, k, -h)).0) / (2.0 * h)).collect();
+        let expected: Vec<f64> = (0..6)
+            .map(|k| (depths(&moved(&wheel, &state, k, h)).0 - depths(&moved(&wheel, &state, k, -h)).0) / (2.0 * h))
+            .collect();
         let events = depths(&state).1;
         if [0, 3].iter().any(|k| events[*k].distance > 0.09) {
             continue;
@@ -114,7 +124,9 @@ fn depths_of_discs_and_hulls_change_as_differences_say() {
 
 #[test]
 fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say() {
-    for ((robot, _), base) in ROBOTS.into_iter().flat_map(|robot| [Base::State, Base::Trapezoid].map(|base| (robot, base))) {
+    for ((robot, _), base) in
+        ROBOTS.into_iter().flat_map(|robot| [Base::State, Base::Trapezoid].map(|base| (robot, base)))
+    {
         let system: Arc<System> = System::named(robot).expect("built in");
         let (mut features, d, n) = (Features::new(&system, base), system.robot.state_dim(), 2 * system.robot.nv());
         let state = start(&system, Start::Sample, &mut stream(9, 1));
@@ -129,7 +141,8 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
             next
         };
         let next = apply(&state, &change);
-        let value = |to: &[f64]| difference(&system.robot, &next, to).iter().zip(&upstream).map(|(x, g)| x * g).sum::<f64>();
+        let value =
+            |to: &[f64]| difference(&system.robot, &next, to).iter().zip(&upstream).map(|(x, g)| x * g).sum::<f64>();
         let h = 1e-5;
         let by_state: Vec<f64> = (0..n)
             .map(|k| {
@@ -157,7 +170,12 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
             trapezoid::back(&system.robot, time, &state, &prediction, &mut by_change, &mut gradient);
         }
         let off = [worst(&gradient, &by_state), worst(&by_change, &by_prediction)];
-        assert!(worse(off[0], off[1]) < 1e-6, "{robot}, {base:?}: by the state {:.1e}, by the prediction {:.1e} off", off[0], off[1]);
+        assert!(
+            worse(off[0], off[1]) < 1e-6,
+            "{robot}, {base:?}: by the state {:.1e}, by the prediction {:.1e} off",
+            off[0],
+            off[1]
+        );
     }
 }
 
@@ -196,9 +214,11 @@ fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
             };
             apart(h).iter().zip(apart(2.0 * h)).map(|(one, two)| (8.0 * one - two) / (12.0 * h)).collect()
         };
-        let by_state: Vec<Vec<f64>> =
-            (0..2 * nv).map(|k| gradient(1e-3, &|by, state, _| state.copy_from_slice(&moved(&system, state, k, by)))).collect();
-        let by_torque: Vec<Vec<f64>> = (0..joints).map(|k| gradient(3e-2, &|by, _, torques| torques[k] += by)).collect();
+        let by_state: Vec<Vec<f64>> = (0..2 * nv)
+            .map(|k| gradient(1e-3, &|by, state, _| state.copy_from_slice(&moved(&system, state, k, by))))
+            .collect();
+        let by_torque: Vec<Vec<f64>> =
+            (0..joints).map(|k| gradient(3e-2, &|by, _, torques| torques[k] += by)).collect();
         let near = |env: usize| {
             let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
             contacts(&system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
@@ -221,6 +241,9 @@ fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
 fn a_network_that_remembers_has_no_gradients() {
     let system = System::named("pendulum").expect("built in");
     let batch = Batch::new(&system, &system.scene("free").expect("built in"), 1);
-    let said = Neural::on_cpu(model(&system, Base::State)).vjp(&batch, &[0.0; 2], 1, &[0.0; 4]).expect_err("refused").to_string();
+    let said = Neural::on_cpu(model(&system, Base::State))
+        .vjp(&batch, &[0.0; 2], 1, &[0.0; 4])
+        .expect_err("refused")
+        .to_string();
     assert!(said.contains("sees more than one frame") && !said.contains('\n'), "{said}");
 }

@@ -49,7 +49,8 @@ fn frame(
     let (scenes, of) = records(batch, reach).expect("they have kernels");
     let [states, torques, scenes] = [&*batch.states, torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
     let [scene_of, held] = [of, vec![1]].map(|numbers| bytes(&numbers, i32::to_le_bytes));
-    let [tokens, faults, done, taken, memo] = [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);
+    let [tokens, faults, done, taken, memo] =
+        [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);
     let predictions = bytes(predictions, f32::to_le_bytes);
     let buffers = [states, torques, scenes, scene_of, tokens, faults, done, held, predictions, taken, memo];
     // Threads beyond the last environment must do nothing.
@@ -68,7 +69,10 @@ fn apart<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
 #[test]
 fn kernels_tell_and_apply_as_the_solver_does() {
     let Some(compiler) = Compiler::find() else { return };
-    let launches = ["neural_tell(b[0], b[1], b[2], b[3], b[4], b[5], b[6], n, b[7])", "neural_apply(b[0], b[8], b[9], b[5], b[6], n)"];
+    let launches = [
+        "neural_tell(b[0], b[1], b[2], b[3], b[4], b[5], b[6], n, b[7])",
+        "neural_apply(b[0], b[8], b[9], b[5], b[6], n)",
+    ];
     let table = [
         ("cartpole", "free", Base::State),
         ("franka", "free", Base::Trapezoid),
@@ -81,7 +85,8 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         ("ant", "terrain", Base::Trapezoid),
         ("anymal", "ground", Base::Trapezoid),
     ];
-    let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view, told: false }));
+    let each =
+        |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view, told: false }));
     for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (mut system, n) = (System::named(robot).expect("built in"), 40);
         if scene == "terrain" {
@@ -107,7 +112,10 @@ fn kernels_tell_and_apply_as_the_solver_does() {
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, (&text, launches), &batch, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
-            assert!(tokens < most[0] && states < most[1], "{name}, {form:?}: tokens {tokens:e}, states {states:e} apart");
+            assert!(
+                tokens < most[0] && states < most[1],
+                "{name}, {form:?}: tokens {tokens:e}, states {states:e} apart"
+            );
         }
     }
 }
@@ -122,16 +130,19 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
     let (chain, joints) = (Chain::of(&system).expect("a chain"), system.robot.joint_count());
     let config = GenerateConfig { transitions: LEADS * 60, frames: 60, ..GenerateConfig::default() };
     let mut batch = begin(&system, &config, 0, LEADS).expect("leads");
-    let torques: Vec<f64> = (0..LEADS * joints).map(|k| if k % joints < 6 { 3.0 * (k as f64).sin() } else { 0.0 }).collect();
+    let torques: Vec<f64> =
+        (0..LEADS * joints).map(|k| if k % joints < 6 { 3.0 * (k as f64).sin() } else { 0.0 }).collect();
     let mut solver = ChainSolver::new(&model.weights, &model.normalizer, &system).expect("a solver");
     // Until the cables lie on floor and pegs.
     (0..40).for_each(|_| solver.step(&mut batch, &torques).expect("it can be stepped"));
 
     let (mut tokens, mut outputs, mut memory) = (Vec::new(), Vec::new(), Memory::default());
-    let (network, rows) = (Loaded::new(model.weights.config.program(), &model.weights.flat), Vec::from_iter(0..chain.rods));
+    let (network, rows) =
+        (Loaded::new(model.weights.config.program(), &model.weights.flat), Vec::from_iter(0..chain.rods));
     for env in 0..LEADS {
         let (rods, first) = (chain.rods(batch.state(env)), tokens.len());
-        let look = Look::at(&chain, &rods, &torques[env * joints..][..joints], |place| batch.scenes[env].contact(place));
+        let look =
+            Look::at(&chain, &rods, &torques[env * joints..][..joints], |place| batch.scenes[env].contact(place));
         look.tokens(&chain, &rods, &mut tokens);
         outputs.extend_from_slice(network.forward(&tokens[first..], &mut memory, Pass::Windows(chain.rods, &rows)));
     }
@@ -189,9 +200,15 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
         let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..windows * tokens));
         let wanted = network.forward(&inputs, &mut Memory::default(), Pass::Windows(tokens, &rows)).clone();
         let size = wanted.iter().fold(0.0f32, |most, x| most.max(x.abs()));
-        let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
+        let off =
+            found.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
         let name = format!("{:?}, E {}, {products:?}", c.architecture, c.embedding);
-        assert!(found.len() == wanted.len() && off < most, "{name}: {off:e} off, {} of {} numbers", found.len(), wanted.len());
+        assert!(
+            found.len() == wanted.len() && off < most,
+            "{name}: {off:e} off, {} of {} numbers",
+            found.len(),
+            wanted.len()
+        );
     }
 }
 
@@ -199,6 +216,12 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
 fn what_has_no_such_form_has_none() {
     let of = |architecture, tokens| network(architecture, [30, 18, 48, 2], tokens).config.program();
     assert!(whole_program(&of(Architecture::Transformer, 10), 10, Products::F32).is_none(), "attention");
-    assert!(whole_program(&of(Architecture::Chain, 400), 400, Products::F32).is_none(), "too long for a block's memory");
-    assert!(whole_program(&of(Architecture::Residual, 1), 1, Products::F16).is_none(), "48 columns, not a multiple of 64");
+    assert!(
+        whole_program(&of(Architecture::Chain, 400), 400, Products::F32).is_none(),
+        "too long for a block's memory"
+    );
+    assert!(
+        whole_program(&of(Architecture::Residual, 1), 1, Products::F16).is_none(),
+        "48 columns, not a multiple of 64"
+    );
 }

@@ -41,7 +41,10 @@ fn history_matters_and_a_reset_ends_it_for_that_environment_alone() {
         let difference = gap(all.batch.state(2), undisturbed.batch.state(2));
         assert!(difference < BOUND, "the neighbour noticed: {difference:.1e}");
         let difference = gap(all.batch.state(1), undisturbed.batch.state(1));
-        assert!(difference > 10.0 * BOUND, "with and without history alike ({difference:.1e}): the network sees no history");
+        assert!(
+            difference > 10.0 * BOUND,
+            "with and without history alike ({difference:.1e}): the network sees no history"
+        );
     }
 }
 
@@ -51,7 +54,8 @@ fn frames_of_another_solver_in_between_empty_the_window() {
         let mut swapped = simulation("ground1", 2, positions);
         let system = swapped.batch.system.clone();
         run(&mut swapped, 8);
-        let mut truth: Box<dyn Solver> = Box::new(Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)));
+        let mut truth: Box<dyn Solver> =
+            Box::new(Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb)));
         std::mem::swap(&mut truth, &mut swapped.solver);
         run(&mut swapped, 3);
         std::mem::swap(&mut truth, &mut swapped.solver);
@@ -97,8 +101,14 @@ fn an_environment_is_that_environment_alone() {
 }
 
 /// Robots in scenes: free, on one plane, on a tilted plane.
-const CASES: [(&str, &str); 6] =
-    [("cartpole", "free"), ("pendulum", "ground1"), ("pendulum", "ground2"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")];
+const CASES: [(&str, &str); 6] = [
+    ("cartpole", "free"),
+    ("pendulum", "ground1"),
+    ("pendulum", "ground2"),
+    ("cube", "ground"),
+    ("ant", "ground"),
+    ("anymal", "ground"),
+];
 
 /// The outputs for zero change. A rotation is a quaternion, so they are not all zero.
 fn nothing(system: &Arc<System>) -> Vec<f64> {

@@ -18,7 +18,9 @@ fn every_operation_and_its_gradients_are_burns() {
         for _ in 0..2 {
             let output = loaded.forward(&specimen.tokens, &mut memory, Pass::Kept(TOKENS)).clone();
             let (by_weights, by_tokens) = loaded.backward(TOKENS, &specimen.upstream, &mut memory, true);
-            for ((found, expected), what) in [output, by_weights, by_tokens].iter().zip(&expected).zip(["output", "weights", "tokens"]) {
+            for ((found, expected), what) in
+                [output, by_weights, by_tokens].iter().zip(&expected).zip(["output", "weights", "tokens"])
+            {
                 let off = apart(found, expected);
                 assert!(off < 2e-5, "{name}, {what}: off by {off:.1e} of the largest entry");
             }

@@ -6,7 +6,8 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
-    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
+    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig,
+    Weights, Windowed,
 };
 use nerd_model::{BurnDevice, base::Base, features::Features};
 
@@ -36,7 +37,10 @@ fn all() -> [TransformerConfig; 3] {
 fn lively(config: TransformerConfig, seed: u64) -> Weights {
     let mut w = Weights::init(config, seed);
     if config.architecture == Architecture::Transformer {
-        let noise = Weights::init(TransformerConfig { inputs: w.flat.len(), embedding: 1, layers: 0, heads: 1, ..SMALL }, seed + 1);
+        let noise = Weights::init(
+            TransformerConfig { inputs: w.flat.len(), embedding: 1, layers: 0, heads: 1, ..SMALL },
+            seed + 1,
+        );
         w.flat.iter_mut().zip(&noise.flat).for_each(|(w, n)| *w = 4.0 * *w + 8.0 * n);
     }
     w
@@ -74,7 +78,8 @@ fn erf(x: f64) -> f64 {
 /// One window of a Transformer, straight from the equations, in f64.
 fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
     let (c, e, d) = (w.config, w.config.embedding, w.config.embedding / w.config.heads);
-    let matrix = |rows: usize, x: &[f32]| DMatrix::from_row_iterator(rows, x.len() / rows, x.iter().map(|x| f64::from(*x)));
+    let matrix =
+        |rows: usize, x: &[f32]| DMatrix::from_row_iterator(rows, x.len() / rows, x.iter().map(|x| f64::from(*x)));
     let rows = |shape: &[usize]| if shape.len() == 2 { shape[0] } else { 1 };
     let p: HashMap<String, DMatrix<f64>> = w.iter().map(|(t, x)| (t.name, matrix(rows(&t.shape), x))).collect();
     let linear = |x: &DMatrix<f64>, name: &str| {
@@ -108,7 +113,8 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
         for (head, i) in (0..c.heads).flat_map(|head| (0..tokens).map(move |i| (head, i))) {
             let at = |t: usize, part: usize, k: usize| qkv[(t, part * e + head * d + k)];
             let product = |j: usize, k: usize| turned(&|k| at(i, 0, k), i, k) * turned(&|k| at(j, 1, k), j, k);
-            let score: Vec<f64> = (0..=i).map(|j| ((0..d).map(|k| product(j, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
+            let score: Vec<f64> =
+                (0..=i).map(|j| ((0..d).map(|k| product(j, k)).sum::<f64>() / (d as f64).sqrt()).exp()).collect();
             let total: f64 = score[first(i)..].iter().sum();
             for k in 0..d {
                 mixed[(i, head * d + k)] = (first(i)..=i).map(|j| score[j] / total * at(j, 2, k)).sum();
@@ -134,7 +140,11 @@ fn widths_and_parameter_counts_are_the_papers() {
     ] {
         let system = nerd_sim::system::System::named(name).expect("built in");
         assert_eq!((Features::inputs(&system, Base::State), Features::outputs(&system)), (inputs, outputs), "{name}");
-        assert_eq!([192, 384].map(|e| TransformerConfig::paper(inputs, outputs, e).parameters()), [narrow, wide], "{name}");
+        assert_eq!(
+            [192, 384].map(|e| TransformerConfig::paper(inputs, outputs, e).parameters()),
+            [narrow, wide],
+            "{name}"
+        );
     }
 }
 
@@ -144,7 +154,8 @@ fn predictions_are_the_equations() {
         let (w, x) = (lively(config, 1), inputs(2, tokens));
         let expected = x.chunks(tokens * config.inputs).flat_map(|x| reference(&w, x, tokens));
         let expected: Vec<f32> = expected.map(|e| e as f32).collect();
-        let (size, worst) = (expected.iter().fold(0.0f32, |m, e| m.max(e.abs())), apart(&run(&w, &x, tokens), &expected));
+        let (size, worst) =
+            (expected.iter().fold(0.0f32, |m, e| m.max(e.abs())), apart(&run(&w, &x, tokens), &expected));
         assert!(size > 0.05 && worst < 1e-5, "{config:?}: {worst:.1e} from the equations, outputs up to {size:.2}");
     }
 }
@@ -158,12 +169,16 @@ fn the_stream_equals_the_banded_pass() {
     assert_eq!(ROTARY.reach(), 10, "three layers of four tokens");
     let cleared = |env: usize, frame: usize| if env == 4 && frame >= 12 { 12 } else { 3 * env.min(frame / 3) };
     let burn = || BurnForward::new(&w, &BurnDevice::flex());
-    let mut streams: [Box<dyn Stream>; 3] =
-        [Box::new(PackedStream::new(&w)), Box::new(Windowed::new(PackedForward::new(&w), ROTARY)), Box::new(Windowed::new(burn(), ROTARY))];
+    let mut streams: [Box<dyn Stream>; 3] = [
+        Box::new(PackedStream::new(&w)),
+        Box::new(Windowed::new(PackedForward::new(&w), ROTARY)),
+        Box::new(Windowed::new(burn(), ROTARY)),
+    ];
     let mut burn = burn();
     let (mut out, mut whole, mut worst, mut yardstick, mut compared) = (Vec::new(), Vec::new(), [0.0f32; 3], 0.0f32, 0);
     for frame in 0..frames {
-        let tokens: Vec<f32> = (0..envs).flat_map(|env| x[(env * frames + frame) * width..][..width].to_vec()).collect();
+        let tokens: Vec<f32> =
+            (0..envs).flat_map(|env| x[(env * frames + frame) * width..][..width].to_vec()).collect();
         for (stream, worst) in streams.iter_mut().zip(&mut worst) {
             (0..envs).filter(|env| cleared(*env, frame) == frame).for_each(|env| stream.clear(env));
             stream.push(&tokens, &mut out).unwrap();
@@ -203,7 +218,8 @@ fn windows_remember_frames_and_see_none_that_is_newer() {
 
         let mut changed = last.to_vec();
         changed[2 * config.inputs] += 1.0;
-        let moved: Vec<bool> = whole.chunks(3).zip(run(&w, &changed, 6).chunks(3)).map(|(a, b)| apart(a, b) > 1e-6).collect();
+        let moved: Vec<bool> =
+            whole.chunks(3).zip(run(&w, &changed, 6).chunks(3)).map(|(a, b)| apart(a, b) > 1e-6).collect();
         let later = config.architecture == Architecture::Transformer;
         assert_eq!(moved, [false, false, true, later, later, later], "{config:?}: tokens changed by token 2");
     }
@@ -218,7 +234,9 @@ fn the_evaluator_is_the_training_pass_at_the_newest_token() {
         let last: Vec<u32> = (0..windows as u32).map(|w| w % 6).collect();
         let rows: Vec<usize> = last.iter().enumerate().map(|(w, l)| w * tokens + *l as usize).collect();
         let all = run(&w, &x, tokens);
-        rows.iter().enumerate().for_each(|(w, row)| x[(row + 1) * config.inputs..(w + 1) * tokens * config.inputs].fill(9.0));
+        rows.iter()
+            .enumerate()
+            .for_each(|(w, row)| x[(row + 1) * config.inputs..(w + 1) * tokens * config.inputs].fill(9.0));
         let expected: Vec<f32> = rows.iter().flat_map(|row| all[row * 3..][..3].to_vec()).collect();
         let (mut found, mut evaluator) = (Vec::new(), PackedForward::new(&w));
         // Twice, since a pass reuses the memory of the previous one.
@@ -254,7 +272,9 @@ fn weights_survive_a_file_and_are_no_other_networks() {
 #[test]
 fn ill_formed_windows_are_errors_that_say_why() {
     let mut predictor = PackedForward::new(&lively(SMALL, 6));
-    let mut ask = |n: usize, tokens, last: &[u32]| predictor.forward(&vec![0.0; n], tokens, last, &mut Vec::new()).unwrap_err().to_string();
+    let mut ask = |n: usize, tokens, last: &[u32]| {
+        predictor.forward(&vec![0.0; n], tokens, last, &mut Vec::new()).unwrap_err().to_string()
+    };
     assert!(ask(30, 6, &[0, 0]).contains("30 input values"));
     assert!(ask(30, 6, &[6]).contains("newest token 6 of 6"));
     assert!(ask(45, 9, &[0]).contains("position table has 8"));

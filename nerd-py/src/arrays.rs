@@ -1,6 +1,8 @@
 //! Checks, copies and creates numpy arrays.
 
-use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -23,7 +25,9 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
         // Byte order is part of a dtype.
         let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
         let remedy = if wanted.kind() == b'b' { String::new() } else { format!("; take .astype(\"{wanted}\")") };
-        return Err(PyTypeError::new_err(format!("{what}: numbers of {wanted}{known} are needed, not of {found}{remedy}")));
+        return Err(PyTypeError::new_err(format!(
+            "{what}: numbers of {wanted}{known} are needed, not of {found}{remedy}"
+        )));
     };
     if !shapes.contains(&array.shape()) {
         return Err(PyValueError::new_err(format!("{what}: an array {form} is needed, not {:?}", array.shape())));

@@ -28,7 +28,8 @@ pub const BOOL: Kind = Kind(6, 8, 1);
 
 impl Kind {
     fn name(self) -> String {
-        let word = ["int", "uint", "float", "handle", "bfloat", "complex", "bool"].get(usize::from(self.0)).unwrap_or(&"kind");
+        let word =
+            ["int", "uint", "float", "handle", "bfloat", "complex", "bool"].get(usize::from(self.0)).unwrap_or(&"kind");
         format!("{word}{}", self.1)
     }
 }
@@ -80,7 +81,13 @@ pub fn beside(order: &Order) -> Beside {
 
 impl CardArray {
     /// Shared GPU memory as an array of this data type and shape.
-    pub fn new<T: 'static, M: Any + Send + Sync>(memory: &Arc<M>, of: &Buffer<T>, kind: Kind, shape: &[usize], order: &Order) -> Self {
+    pub fn new<T: 'static, M: Any + Send + Sync>(
+        memory: &Arc<M>,
+        of: &Buffer<T>,
+        kind: Kind,
+        shape: &[usize],
+        order: &Order,
+    ) -> Self {
         debug_assert_eq!(of.len, shape.iter().product::<usize>());
         let shape = shape.iter().map(|n| *n as i64).collect();
         Self { at: of.ptr, kind, shape, memory: memory.clone(), order: order.clone() }
@@ -124,7 +131,9 @@ impl CardArray {
     ) -> PyResult<Bound<'py, PyAny>> {
         let _ = max_version;
         if copy == Some(true) || dl_device.is_some_and(|device| device != self.__dlpack_device__()) {
-            return Err(pyo3::exceptions::PyBufferError::new_err("this array stays where it is: take it, then copy it"));
+            return Err(pyo3::exceptions::PyBufferError::new_err(
+                "this array stays where it is: take it, then copy it",
+            ));
         }
         // -1: the consumer synchronises by itself.
         match stream.unwrap_or(1) {
@@ -143,7 +152,9 @@ impl CardArray {
         };
         let managed = Box::new(Managed { tensor, kept: Box::into_raw(kept).cast(), delete: Some(delete) });
         // SAFETY: the capsule owns its content until a consumer takes it; Python owns the capsule.
-        unsafe { Bound::from_owned_ptr_or_err(py, PyCapsule_New(Box::into_raw(managed).cast(), NAME.as_ptr(), Some(end))) }
+        unsafe {
+            Bound::from_owned_ptr_or_err(py, PyCapsule_New(Box::into_raw(managed).cast(), NAME.as_ptr(), Some(end)))
+        }
     }
 }
 
@@ -153,8 +164,12 @@ impl CardArray {
 /// # Errors
 /// `TypeError` for another object, device or data type, `ValueError` for another shape or layout.
 pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize], stream: &Beside) -> PyResult<u64> {
-    let wrong =
-        |found: String| PyTypeError::new_err(format!("{what}: an array of {} {shape:?} on the card is needed, not {found}", kind.name()));
+    let wrong = |found: String| {
+        PyTypeError::new_err(format!(
+            "{what}: an array of {} {shape:?} on the card is needed, not {found}",
+            kind.name()
+        ))
+    };
     let Ok(device) = given.call_method0("__dlpack_device__").and_then(|device| device.extract::<(i32, i32)>()) else {
         return Err(wrong(format!("a {}", given.get_type().name()?)));
     };
@@ -178,7 +193,9 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
     let axes = tensor.axes.max(0) as usize;
     // SAFETY: shape and strides have one entry per axis; strides may be null.
     let (found, strides) = unsafe {
-        let list = |at: *mut i64| if axes == 0 || at.is_null() { Vec::new() } else { std::slice::from_raw_parts(at, axes).to_vec() };
+        let list = |at: *mut i64| {
+            if axes == 0 || at.is_null() { Vec::new() } else { std::slice::from_raw_parts(at, axes).to_vec() }
+        };
         (list(tensor.shape), list(tensor.strides))
     };
     let wanted: Vec<i64> = shape.iter().map(|n| *n as i64).collect();
@@ -186,7 +203,9 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
     // The stride of an axis with one entry is meaningless.
     let lies = strides.iter().zip(&rows).zip(&found).all(|((stride, row), n)| stride == row || *n == 1);
     if found != wanted || !lies {
-        return Err(PyValueError::new_err(format!("{what}: an array {shape:?} in rows is needed, not {found:?} by strides {strides:?}")));
+        return Err(PyValueError::new_err(format!(
+            "{what}: an array {shape:?} in rows is needed, not {found:?} by strides {strides:?}"
+        )));
     }
     Ok(tensor.data as u64 + tensor.first)
 }

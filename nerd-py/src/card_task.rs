@@ -28,7 +28,11 @@ pub struct CardTask {
 }
 
 impl CardTask {
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut CudaEpisodes) -> nerd_train::Result<T> + Send) -> PyResult<T> {
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut CudaEpisodes) -> nerd_train::Result<T> + Send,
+    ) -> PyResult<T> {
         py.detach(|| work(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))).map_err(value)
     }
 }
@@ -37,7 +41,14 @@ impl CardTask {
 impl CardTask {
     #[new]
     #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), family=None))]
-    fn new(py: Python<'_>, name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, family: Option<Named>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        name: PathBuf,
+        robot: Option<Named>,
+        n: i64,
+        solver: PathBuf,
+        family: Option<Named>,
+    ) -> PyResult<Self> {
         let (task, episodes) = read(name, robot, n, solver, "cuda", 0, family)?;
         let n = episodes.len();
         let inner = py.detach(|| CudaEpisodes::new(episodes)).map_err(value)?;

@@ -22,7 +22,8 @@ pub fn each<'py>(
     work: impl Fn(&mut Data, &[f64], &[f64]) -> DMatrix<f64> + Sync,
 ) -> PyResult<Floats<'py>> {
     let (width, nv) = (system.robot.state_dim(), system.robot.nv());
-    let many: Vec<usize> = states.cast::<PyUntypedArray>().iter().filter(|a| a.ndim() == 2).map(|a| a.shape()[0]).collect();
+    let many: Vec<usize> =
+        states.cast::<PyUntypedArray>().iter().filter(|a| a.ndim() == 2).map(|a| a.shape()[0]).collect();
     let like = |last: &[usize]| [&many, last].concat();
     let states = numbers::<f64>("states", states, &[&like(&[width])])?;
     let beside = beside.map(|beside| numbers::<f64>("accelerations", beside, &[&like(&[nv])])).transpose()?;

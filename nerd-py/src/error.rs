@@ -40,6 +40,7 @@ pub fn alike(system: &System, option: &str) -> PyResult<()> {
     if system.spec.vary.is_none() {
         return Ok(());
     }
-    let line = format!("`{}` has [vary], which is not used here: {option} draws a robot for each environment", system.name);
+    let line =
+        format!("`{}` has [vary], which is not used here: {option} draws a robot for each environment", system.name);
     Python::attach(|py| PyErr::warn(py, &py.get_type::<exceptions::PyUserWarning>(), &CString::new(line)?, 1))
 }

@@ -33,11 +33,11 @@ impl Inner {
     }
 }
 
-/// vjp(simulation, states, tau, grad_next=None): steps one frame from states [n, nq + nv] under torques tau [n, joints],
-/// and computes its vector-Jacobian product. grad_next [n, nq + nv] is the upstream gradient with respect to the next
-/// states; None means zeros. Returns the next states, and the gradients with respect to states and tau. All arrays are
-/// float64. Gradients are with respect to the numbers of a state; a quaternion's length has no effect. The simulation
-/// is not changed.
+/// vjp(simulation, states, tau, grad_next=None): steps one frame from states [n, nq + nv] under torques tau [n,
+/// joints], and computes its vector-Jacobian product. grad_next [n, nq + nv] is the upstream gradient with respect to
+/// the next states; None means zeros. Returns the next states, and the gradients with respect to states and tau. All
+/// arrays are float64. Gradients are with respect to the numbers of a state; a quaternion's length has no effect. The
+/// simulation is not changed.
 ///
 /// Raises ValueError for a solver without gradients: take "articulated" or a model whose network sees one frame.
 #[pyfunction]
@@ -62,7 +62,8 @@ pub fn vjp<'py>(
             let Some(grad_next) = &grad_next else { return Ok((gradients, vec![0.0; n * width])) };
             let mut upstream = vec![0.0; n * 2 * robot.nv()];
             let rows = upstream.chunks_exact_mut(2 * robot.nv()).zip(gradients.next.chunks_exact(width));
-            rows.zip(grad_next.chunks_exact(width)).for_each(|((gradient, next), by)| numbers_back(robot, next, by, gradient));
+            rows.zip(grad_next.chunks_exact(width))
+                .for_each(|((gradient, next), by)| numbers_back(robot, next, by, gradient));
             gradients = solver.vjp(batch, &tau, 1, &upstream)?;
             let rows = gradients.states.chunks_exact(2 * robot.nv()).zip(batch.states.chunks_exact(width));
             let by_states = rows.flat_map(|(gradient, state)| by_numbers(robot, state, gradient)).collect();
@@ -81,10 +82,15 @@ pub fn vjp<'py>(
 /// [n, 2 nv, 2 nv] and B [n, 2 nv, joints], float64, in tangent spaces of 2 nv numbers: pose, then velocities. For a
 /// free root these are a rotation vector, a translation, and velocities in root axes.
 #[pyfunction]
-pub fn linearise<'py>(simulation: &Simulation, py: Python<'py>, tau: &Bound<'py, PyAny>) -> PyResult<(Floats<'py>, Floats<'py>)> {
+pub fn linearise<'py>(
+    simulation: &Simulation,
+    py: Python<'py>,
+    tau: &Bound<'py, PyAny>,
+) -> PyResult<(Floats<'py>, Floats<'py>)> {
     let ([joints, _], n, size) = (simulation.widths(), simulation.n, 2 * simulation.system.robot.nv());
     let tau = numbers::<f64>("tau", tau, &[&[n, joints]])?;
-    let gradients = simulation.with(py, |inner| inner.simulation.solver.linearise(&inner.simulation.batch, &tau))?.map_err(step)?;
+    let gradients =
+        simulation.with(py, |inner| inner.simulation.solver.linearise(&inner.simulation.batch, &tau))?.map_err(step)?;
     Ok((made(py, gradients.states, &[n, size, size])?, made(py, gradients.torques, &[n, size, joints])?))
 }
 

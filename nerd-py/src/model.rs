@@ -40,7 +40,8 @@ pub struct Model {
 impl Model {
     #[new]
     fn new(folder: PathBuf) -> PyResult<Self> {
-        let ModelConfig { robot, truth, model_sha256: sha256, network, .. } = ModelConfig::read(&folder).map_err(value)?;
+        let ModelConfig { robot, truth, model_sha256: sha256, network, .. } =
+            ModelConfig::read(&folder).map_err(value)?;
         // An absolute path stays valid in other working directories.
         let folder = std::path::absolute(folder)?;
         Ok(Self { folder, robot, truth, sha256, parameters: network.parameters(), reach: network.reach() })

@@ -30,12 +30,10 @@ use crate::threads;
 ///
 /// system: a System, or its name or path. scene: a name; None means the scene of the robot's data, or free space.
 /// solver: a solver's text, such as "articulated(substeps=4)", "rapier", "neural" (the shipped model), or the path of a
-/// model's folder; None means the robot's own truth. "articulated(settled)" solves each substep to convergence, for exact
-/// gradients.
-/// seed: seed of the random starts, here and in reset().
-/// xp: with device="cuda", the array library on the GPU, such as torch: states and tau are its arrays. Everything
-/// else is copied to the host.
-/// vary: if true, each environment has its own robot, drawn by the [vary] section of the robot's TOML.
+/// model's folder; None means the robot's own truth. "articulated(settled)" solves each substep to convergence, for
+/// exact gradients. seed: seed of the random starts, here and in reset(). xp: with device="cuda", the array library on
+/// the GPU, such as torch: states and tau are its arrays. Everything else is copied to the host. vary: if true, each
+/// environment has its own robot, drawn by the [vary] section of the robot's TOML.
 ///
 /// Raises ValueError, in one line, for incompatible arguments.
 #[pyclass(frozen, module = "nerd")]
@@ -100,7 +98,8 @@ impl Simulation {
         width: usize,
         of: impl Fn(&Batch, usize) -> Result<Vec<f64>, E> + Sync,
     ) -> PyResult<Floats<'py>> {
-        let found = self.with(py, |inner| (0..self.n).map(|env| of(&inner.simulation.batch, env)).collect::<Result<Vec<_>, _>>())?;
+        let found = self
+            .with(py, |inner| (0..self.n).map(|env| of(&inner.simulation.batch, env)).collect::<Result<Vec<_>, _>>())?;
         made(py, found.map_err(value)?.concat(), &[self.n, width])
     }
 
@@ -131,14 +130,18 @@ impl Simulation {
         let spec = solver::spec(solver.as_deref(), device, &system)?;
         match (spec.device() != Device::Cpu, &xp) {
             (true, None) => return Err(value("device=\"cuda\": name the library of its arrays, too, as in xp=torch")),
-            (false, Some(_)) => return Err(value("xp: arrays of another library are on the card alone: device=\"cuda\"")),
+            (false, Some(_)) => {
+                return Err(value("xp: arrays of another library are on the card alone: device=\"cuda\""));
+            }
             _ => {}
         }
         // Bytes per environment: two copies of the states, contact forces, and the solver's memory.
         let n = room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let (scene, seed) = (scene.unwrap_or(named.data_scene()), seeded(seed)?);
         let batch = match (vary, system.spec.vary.is_some()) {
-            (true, false) => return Err(value(format!("vary: nothing of `{}` is drawn; give its TOML a [vary]", system.name))),
+            (true, false) => {
+                return Err(value(format!("vary: nothing of `{}` is drawn; give its TOML a [vary]", system.name)));
+            }
             (true, true) => vary::batch(&system, scene, n, !seed),
             (false, _) => system.scene(scene).map(|scene| Batch::new(&system, &scene, n)),
         };
@@ -221,7 +224,12 @@ impl Simulation {
     /// float64 [n, nq + nv], or [nq + nv] for all. Without states they start at random within the robot's reset ranges.
     /// Raises ValueError for a quaternion of zeros.
     #[pyo3(signature = (mask=None, states=None))]
-    fn reset(&self, py: Python<'_>, mask: Option<&Bound<'_, PyAny>>, states: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    fn reset(
+        &self,
+        py: Python<'_>,
+        mask: Option<&Bound<'_, PyAny>>,
+        states: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         let (n, [_, width]) = (self.n, self.widths());
         let mask = mask.map(|mask| numbers::<bool>("mask (states go by name: states=)", mask, &[&[n]])).transpose()?;
         let states = states.map(|states| numbers::<f64>("states", states, &[&[n, width], &[width]])).transpose()?;

@@ -11,7 +11,8 @@ use pyo3::PyResult;
 
 use crate::error::value;
 
-/// A solver from its text, as "articulated(substeps=4)", or from a model's folder, on a device; without a text the robot's own truth.
+/// A solver from its text, as "articulated(substeps=4)", or from a model's folder, on a device; without a text the
+/// robot's own truth.
 ///
 /// # Errors
 /// If it is no solver, or not on that device.
@@ -19,7 +20,9 @@ pub fn spec(text: Option<&Path>, device: &str, system: &System) -> PyResult<Solv
     let device = match device {
         "cpu" => Device::Cpu,
         "cuda" if cfg!(feature = "cuda") => Device::Cuda,
-        "cuda" => return Err(value("device \"cuda\": this package was built without it; build it with `--features cuda`")),
+        "cuda" => {
+            return Err(value("device \"cuda\": this package was built without it; build it with `--features cuda`"));
+        }
         other => return Err(value(format!("device {other:?}: choose \"cpu\" or \"cuda\""))),
     };
     let spec: SolverSpec = match text {

@@ -90,7 +90,8 @@ impl System {
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let free = [-f64::INFINITY, f64::INFINITY];
-        let limits: Vec<_> = self.system.robot.joints().map(|joint| joint.limit.map_or(free, |l| [l.lower, l.upper])).collect();
+        let limits: Vec<_> =
+            self.system.robot.joints().map(|joint| joint.limit.map_or(free, |l| [l.lower, l.upper])).collect();
         made(py, limits.concat(), &[limits.len(), 2])
     }
 
@@ -155,7 +156,9 @@ impl System {
     /// qd in `columns`: for a free root the twist about the world's origin.
     fn mass_matrix<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let nv = self.nv();
-        dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| dynamics::mass_matrix(&self.system, data, state))
+        dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| {
+            dynamics::mass_matrix(&self.system, data, state)
+        })
     }
 
     /// jacobian(name, states): Jacobian J of a link or a frame, float64 [n, 6, nv], for states as in mass_matrix.
@@ -178,7 +181,9 @@ impl System {
         states: &Bound<'py, PyAny>,
         accelerations: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Floats<'py>> {
-        let of = |data: &mut Data, state: &[f64], rates: &[f64]| dynamics::inverse_dynamics(&self.system, data, state, rates);
+        let of = |data: &mut Data, state: &[f64], rates: &[f64]| {
+            dynamics::inverse_dynamics(&self.system, data, state, rates)
+        };
         dynamics::each(py, &self.system, states, accelerations, &[self.nv()], of)
     }
 

@@ -111,8 +111,17 @@ impl Task {
 impl Task {
     #[new]
     #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, family=None))]
-    fn new(name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, device: &str, seed: i64, family: Option<Named>) -> PyResult<Self> {
-        let (Read { about, name, terms, system, family }, episodes) = read(name, robot, n, solver, device, seed, family)?;
+    fn new(
+        name: PathBuf,
+        robot: Option<Named>,
+        n: i64,
+        solver: PathBuf,
+        device: &str,
+        seed: i64,
+        family: Option<Named>,
+    ) -> PyResult<Self> {
+        let (Read { about, name, terms, system, family }, episodes) =
+            read(name, robot, n, solver, device, seed, family)?;
         let nerd_tasks::About { observation, action, steps, frames, .. } = about;
         let (n, inner) = (episodes.len(), Mutex::new(episodes));
         Ok(Self { name, terms, system, n, observation, action, steps, frames, family, inner })

@@ -37,7 +37,9 @@ fn bench(c: &mut Criterion, name: &str, robot: &str, scene: &str, mut solver: im
 
 fn solvers(c: &mut Criterion) {
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("first pool");
-    for (robot, scene) in [("cartpole", "free"), ("pendulum", "ground1"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")] {
+    for (robot, scene) in
+        [("cartpole", "free"), ("pendulum", "ground1"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")]
+    {
         let system = built_in(robot);
         for (name, config) in [
             ("accurate", ArticulatedConfig::accurate(&system)),
@@ -56,7 +58,8 @@ fn gradients(c: &mut Criterion) {
         let mut batch = batch(&system, scene, 64);
         (0..64).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(0, env as u64))));
         let amplitudes = system.torque_amplitudes();
-        let mut pushed = || (0..64).flat_map(|_| &amplitudes).map(|a| a * random.random_range(-1.0..=1.0)).collect::<Vec<f64>>();
+        let mut pushed =
+            || (0..64).flat_map(|_| &amplitudes).map(|a| a * random.random_range(-1.0..=1.0)).collect::<Vec<f64>>();
         // 60 frames are enough for robots that fall from `reset` to reach the ground.
         (0..60).for_each(|_| solver.step(&mut batch, &pushed()).expect("steps"));
         let (torques, grad_next) = (pushed(), vec![1.0; 64 * 2 * system.robot.nv()]);
@@ -69,7 +72,9 @@ fn gradients(c: &mut Criterion) {
                 next
             });
         });
-        group.bench_function("frame with back", |b| b.iter(|| solver.vjp(&batch, &torques, 1, &grad_next).expect("finite")));
+        group.bench_function("frame with back", |b| {
+            b.iter(|| solver.vjp(&batch, &torques, 1, &grad_next).expect("finite"))
+        });
     }
 }
 

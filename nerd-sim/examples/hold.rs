@@ -3,7 +3,9 @@
 use nerd_sim::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let path = std::env::args().nth(1).unwrap_or_else(|| concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-core/assets/arm.urdf").into());
+    let path = std::env::args()
+        .nth(1)
+        .unwrap_or_else(|| concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-core/assets/arm.urdf").into());
     let system = System::named(&path)?;
     let (robot, mut batch) = (&system.robot, Batch::new(&system, &system.scene("free")?, 1));
     for joint in robot.joints() {

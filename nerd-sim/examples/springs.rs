@@ -14,11 +14,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (q, twist) = robot.split(state);
         let (mut velocity, mut tau) = (twist.to_local(robot, q), vec![0.0; robot.nv()]);
         contacts(&system, scene, state, &mut data, &mut events);
-        for (point, event) in robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius) {
+        for (point, event) in
+            robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius)
+        {
             let material = scene.colliders[event.collider].material.mean(&system.spec.material);
             let frame = FixedFrame { name: String::new(), link: Some(point.link), pose: Isometry3::from(point.local) };
             let v_n = event.normal.dot(&robot.velocity(q, &velocity, &frame).lin);
-            let force = event.normal * -(material.stiffness * (event.distance - point.radius) + material.damping * v_n.min(0.0));
+            let force = event.normal
+                * -(material.stiffness * (event.distance - point.radius) + material.damping * v_n.min(0.0));
             let more = data.jacobian(robot, q, &frame, Axes::World).fixed_rows::<3>(3).tr_mul(&force); // J^T f
             tau.iter_mut().zip(&more).for_each(|(tau, more)| *tau += more);
         }

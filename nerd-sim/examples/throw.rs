@@ -1,4 +1,5 @@
-//! Finds the throw that lands a cube at a given place, by gradient descent through the simulation (`docs/gradients.md`).
+//! Finds the throw that lands a cube at a given place, by gradient descent through the simulation
+//! (`docs/gradients.md`).
 
 use nerd_sim::prelude::*;
 

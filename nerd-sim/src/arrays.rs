@@ -34,7 +34,11 @@ impl Arrays {
     pub fn read(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         let wrong = |reason: String| FileError::new(path, reason);
         let used = |name: &str| wanted.iter().any(|w| *w == name || split(w).is_some_and(|(array, _)| array == name));
-        let all = if path.extension().is_some_and(|e| e == "npz") { npz(path, LARGEST_TABLE, &used) } else { tensors(path, &used) };
+        let all = if path.extension().is_some_and(|e| e == "npz") {
+            npz(path, LARGEST_TABLE, &used)
+        } else {
+            tensors(path, &used)
+        };
         let (arrays, names) = all.map_err(wrong)?;
         let (mut columns, mut shape) = (Vec::new(), None);
         for name in wanted {
@@ -46,19 +50,32 @@ impl Arrays {
             let (rows, width) = match (at, &found.shape[..]) {
                 (Some(at), [rows @ .., width]) if at < *width => (rows, *width),
                 (None, rows) => (rows, 1),
-                _ => return Err(wrong(format!("no array has column `{name}`: `{array}` is of shape {:?}", found.shape))),
+                _ => {
+                    return Err(wrong(format!(
+                        "no array has column `{name}`: `{array}` is of shape {:?}",
+                        found.shape
+                    )));
+                }
             };
             let own = match *rows {
                 [rows] => (None, rows),
                 [trajectories, rows] => (Some(trajectories), rows),
                 _ => {
-                    let text = "rows, or trajectories and rows, and then perhaps components, of which `NAME.0` is the first";
-                    return Err(wrong(format!("column `{name}`: `{array}` is of shape {:?}; its axes must be {text}", found.shape)));
+                    let text =
+                        "rows, or trajectories and rows, and then perhaps components, of which `NAME.0` is the first";
+                    return Err(wrong(format!(
+                        "column `{name}`: `{array}` is of shape {:?}; its axes must be {text}",
+                        found.shape
+                    )));
                 }
             };
             let (first, other) = shape.get_or_insert((name.as_str(), own));
             if *other != own {
-                return Err(wrong(format!("columns `{first}` and `{name}` have not the same rows: {} and {}", said(*other), said(own))));
+                return Err(wrong(format!(
+                    "columns `{first}` and `{name}` have not the same rows: {} and {}",
+                    said(*other),
+                    said(own)
+                )));
             }
             columns.push((array.to_string(), width, at.unwrap_or(0)));
         }
@@ -153,7 +170,8 @@ fn npz(path: &Path, most: u64, used: &dyn Fn(&str) -> bool) -> Result<Found, Str
 fn npy(name: &str, bytes: &[u8]) -> Result<Array, String> {
     let from = if bytes.get(6) == Some(&1) { 10 } else { 12 };
     let length = bytes.get(8..from).map(|b| b.iter().rev().fold(0usize, |n, b| n << 8 | usize::from(*b)));
-    let end = length.and_then(|n| n.checked_add(from)).filter(|end| *end <= bytes.len() && bytes.starts_with(b"\x93NUMPY"));
+    let end =
+        length.and_then(|n| n.checked_add(from)).filter(|end| *end <= bytes.len() && bytes.starts_with(b"\x93NUMPY"));
     let Some(end) = end else { return Err(format!("array `{name}` is not as numpy.save writes one")) };
     let header = String::from_utf8_lossy(&bytes[from..end]);
     let value = |key: &str, end: char| Some(header.split_once(&format!("'{key}':"))?.1.split(end).next()?.trim());
@@ -161,7 +179,9 @@ fn npy(name: &str, bytes: &[u8]) -> Result<Array, String> {
         let axes = s.trim_start_matches('(').split(',').map(str::trim).filter(|axis| !axis.is_empty());
         axes.map(|axis| axis.parse().ok()).collect::<Option<Vec<usize>>>()
     });
-    let (Some(kind), Some(shape)) = (value("descr", ','), shape) else { return Err(format!("array `{name}` has no shape or type")) };
+    let (Some(kind), Some(shape)) = (value("descr", ','), shape) else {
+        return Err(format!("array `{name}` has no shape or type"));
+    };
     if shape.len() > 1 && value("fortran_order", ',') != Some("False") {
         return Err(format!("array `{name}` has its columns in a row each; save numpy.ascontiguousarray({name})"));
     }

@@ -95,7 +95,10 @@ impl Batch {
             return Ok(());
         }
         let (states, frames) = (self.states.len(), self.frames.len());
-        Err(format!("a batch of {n} scenes needs {} numbers in `states` and {n} in `frames`, it has {states} and {frames}", n * d))
+        Err(format!(
+            "a batch of {n} scenes needs {} numbers in `states` and {n} in `frames`, it has {states} and {frames}",
+            n * d
+        ))
     }
 
     /// State `[q, qd]` of an environment.
@@ -139,7 +142,12 @@ impl Batch {
     /// If there is no such environment, or the length of `state` is not [`nerd_core::robot::Robot::state_dim`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         let (robot, found) = (&self.system.robot, state.len());
-        assert!(found == robot.state_dim(), "a state of {found} numbers; [q, qd] has {} and {}", robot.nq(), robot.nv());
+        assert!(
+            found == robot.state_dim(),
+            "a state of {found} numbers; [q, qd] has {} and {}",
+            robot.nq(),
+            robot.nv()
+        );
         self.state_mut(env).copy_from_slice(state);
         self.frames[env] = 0;
     }

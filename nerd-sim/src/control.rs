@@ -24,7 +24,14 @@ impl Controller {
         let stable_pd = system.spec.control.is_some_and(|control| control.stable_pd);
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
         let wraps = system.robot.joints().map(|j| j.wraps()).collect();
-        Self { system: system.clone(), gains, servo: false, stable_pd: stable_pd.then(|| StablePd::new(system)), wraps, gaps: Vec::new() }
+        Self {
+            system: system.clone(),
+            gains,
+            servo: false,
+            stable_pd: stable_pd.then(|| StablePd::new(system)),
+            wraps,
+            gaps: Vec::new(),
+        }
     }
 
     /// Switches to the gains and parameters of another robot of the same family.
@@ -42,8 +49,8 @@ impl Controller {
     /// default pose, a joint without limits takes the shorter direction.
     ///
     /// A torque held constant over a frame h makes a stiff law unstable in any solver (`kp > 4 I / h^2`). With
-    /// `stable_pd` the law acts on the predicted state at the end of the frame: linearised, without contact. This law is
-    /// stable at any gain (Tan, Liu and Turk 2011, stable proportional-derivative control):
+    /// `stable_pd` the law acts on the predicted state at the end of the frame: linearised, without contact. This law
+    /// is stable at any gain (Tan, Liu and Turk 2011, stable proportional-derivative control):
     ///
     /// ```text
     /// (M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - bias
@@ -87,7 +94,8 @@ impl Controller {
         let free = |i: usize| if self.law(i).abs() <= self.torque_limit(i) { by[i] } else { 0.0 };
         // Gradients with respect to predicted position error and velocity. The solve with `stable_pd` maps both to the
         // present state.
-        let mut gradients: Vec<[f64; 2]> = (0..by.len()).map(|i| [self.gains[i][0] * free(i), -self.gains[i][1] * free(i)]).collect();
+        let mut gradients: Vec<[f64; 2]> =
+            (0..by.len()).map(|i| [self.gains[i][0] * free(i), -self.gains[i][1] * free(i)]).collect();
         if let Some(solved) = self.stable_pd.as_mut().filter(|_| predicted) {
             let accelerations = gradients.iter().map(|[gap, speed]| h * speed - h * h * gap);
             let by_push = solved.answers(robot.root_dofs(), accelerations);
@@ -117,7 +125,9 @@ impl Controller {
             let gap = from + law.scale * action[i] - q[i];
             gaps.push([if wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
         }
-        let Some(qdd) = stable_pd.as_mut().filter(|_| !*servo).and_then(|a| a.accelerations(system, state, gains, gaps)) else {
+        let Some(qdd) =
+            stable_pd.as_mut().filter(|_| !*servo).and_then(|a| a.accelerations(system, state, gains, gaps))
+        else {
             return false;
         };
         for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
@@ -153,7 +163,13 @@ impl StablePd {
     }
 
     /// Joint accelerations under the stable PD law, without contact; `None` where its matrix is not positive definite.
-    fn accelerations(&mut self, system: &System, state: &[f64], gains: &[[f64; 2]], gaps: &[[f64; 2]]) -> Option<&[f64]> {
+    fn accelerations(
+        &mut self,
+        system: &System,
+        state: &[f64],
+        gains: &[[f64; 2]],
+        gaps: &[[f64; 2]],
+    ) -> Option<&[f64]> {
         let (robot, h) = (&system.robot, system.frame_time);
         let dofs = robot.root_dofs();
         self.state.copy_from_slice(state);

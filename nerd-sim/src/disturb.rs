@@ -49,7 +49,9 @@ pub(crate) fn blocks(system: &System) -> u64 {
 /// In a frame with a push, adds a drawn velocity (m/s) in a random horizontal direction to a free root. Returns whether
 /// the frame had a push.
 pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) -> bool {
-    let (Some(every), Some(size)) = (every(system), system.spec.vary.as_ref().and_then(|vary| vary.push)) else { return false };
+    let (Some(every), Some(size)) = (every(system), system.spec.vary.as_ref().and_then(|vary| vary.push)) else {
+        return false;
+    };
     if frame == 0 || !frame.is_multiple_of(every) {
         return false;
     }

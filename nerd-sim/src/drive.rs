@@ -70,20 +70,26 @@ impl Drive {
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
     let (up, points) = (up(&system.gravity()), points(robot, state));
-    let [low, high] = points.iter().map(|p| up.dot(p)).fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
+    let [low, high] = points
+        .iter()
+        .map(|p| up.dot(p))
+        .fold([f64::INFINITY, -f64::INFINITY], |[low, high], h| [low.min(h), high.max(h)]);
     let extent = if high > low { high - low } else { 1.0 };
     let gravity = system.gravity().norm();
     let weight = robot.mass() * if gravity > 0.0 { gravity } else { GRAVITY };
     let kp = |joint: &Joint| stiffness(weight, extent, joint.kind == JointKind::Prismatic);
     let joints = robot.joints().zip(&state[robot.root_coords()..]);
-    joints.map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: joint.effort }).collect()
+    joints
+        .map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: joint.effort })
+        .collect()
 }
 
 /// Drives with the gains `kp` and `kd` of a robot's specification at its default pose, one per joint; empty without
 /// gains.
 pub fn specified(system: &System) -> Vec<Drive> {
     let joints = system.joint_specs().zip(system.robot.joints());
-    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default_q, speed: 0.0, effort: joint.effort });
+    let drives =
+        joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default_q, speed: 0.0, effort: joint.effort });
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
 }
 

@@ -63,12 +63,23 @@ pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, Mjc
     written(system, scene, &servos, &hold, material)
 }
 
-fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, material: Option<Material>) -> Result<String, MjcfError> {
+fn written(
+    system: &System,
+    scene: &Scene,
+    drives: &[Drive],
+    hold: &str,
+    material: Option<Material>,
+) -> Result<String, MjcfError> {
     let robot = &system.robot;
     if let Some(joint) = robot.follower() {
-        return Err(MjcfError(format!("joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about", joint.name)));
+        return Err(MjcfError(format!(
+            "joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about",
+            joint.name
+        )));
     }
-    let partly = |link: &&Link| link.joint.is_some() && link.lifted.mass > 0.0 && (link.lifted.at - link.inertia.com).amax() > 1e-9;
+    let partly = |link: &&Link| {
+        link.joint.is_some() && link.lifted.mass > 0.0 && (link.lifted.at - link.inertia.com).amax() > 1e-9
+    };
     if let Some(link) = robot.links.iter().find(partly) {
         return Err(MjcfError(format!("weight is taken off a part of link `{}`, which no gravcomp says", link.name)));
     }
@@ -81,22 +92,32 @@ fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, materia
     let paired = !system.surfaces.is_empty() || means().any(|m| [m.torsion, m.rolling, m.margin] != [0.0; 3]);
     for (k, (collider, mean)) in scene.colliders.iter().zip(means()).enumerate() {
         let (kind, size, place) = geom(collider).ok_or_else(|| {
-            MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
+            MjcfError(format!(
+                "scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh",
+                scene.name
+            ))
         })?;
         // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's geoms have
         // none.
         let friction = mean.friction;
         // With this weight the robot's geoms alone determine the softness of a contact.
         let mix = if material.is_some() { " solmix=\"1e-9\"" } else { "" };
-        let meets = if paired { format!("name=\"scene {k}\" {NONE}") } else { format!("friction=\"{friction}\"{mix} {SCENE}") };
+        let meets =
+            if paired { format!("name=\"scene {k}\" {NONE}") } else { format!("friction=\"{friction}\"{mix} {SCENE}") };
         text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} {meets}/>\n", pose(&place));
     }
     let inverse = inverse_weights(robot).map_err(MjcfError)?;
     let soft = material.filter(|_| !paired).map(|m| inverse.iter().map(|w| softness(&m, *w)).collect());
     let mut geoms = paired.then(Vec::new);
-    let own = Own { robot, scene, weight: weights(robot)?, soft: soft.unwrap_or_else(|| vec![String::new(); robot.links.len()]) };
+    let own = Own {
+        robot,
+        scene,
+        weight: weights(robot)?,
+        soft: soft.unwrap_or_else(|| vec![String::new(); robot.links.len()]),
+    };
     for (i, link) in robot.links.iter().enumerate().filter(|(_, l)| l.parent.is_none()) {
-        let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
+        let base =
+            if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
         own.body(&mut text, &mut geoms, i, &base, &[]);
     }
     text += "</worldbody>\n<actuator>\n";
@@ -116,7 +137,9 @@ fn pairs(system: &System, scene: &Scene, geoms: &[(usize, Option<usize>)], inver
         geoms.iter().enumerate().flat_map(|g| scene.colliders.iter().enumerate().map(move |c| (g, c)))
     {
         let point = ContactPoint::new(*link, Vector3::zeros(), 0.0).on(*surface);
-        let Some(Material { friction, torsion, rolling, margin, .. }) = system.meeting(&point, collider) else { continue };
+        let Some(Material { friction, torsion, rolling, margin, .. }) = system.meeting(&point, collider) else {
+            continue;
+        };
         let condim = if rolling > 0.0 {
             6
         } else if torsion > 0.0 {
@@ -184,7 +207,9 @@ impl Own<'_> {
         let (robot, link) = (self.robot, &self.robot.links[i]);
         let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
         let mut children = (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i));
-        let nothing = link.inertia.mass == 0.0 && link.inertia.inertia.amax() == 0.0 && !robot.contact_points.iter().any(|p| p.link == i);
+        let nothing = link.inertia.mass == 0.0
+            && link.inertia.inertia.amax() == 0.0
+            && !robot.contact_points.iter().any(|p| p.link == i);
         if let (true, Some(_), Some(child), None) = (nothing, &link.joint, children.next(), children.next()) {
             let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
             return self.body(text, geoms, child, &origin, &before);
@@ -195,7 +220,11 @@ impl Own<'_> {
         let mut own = link.clone();
         let armature = if link.joint.is_none() { robot.free.armature } else { 0.0 };
         own.arm(-armature);
-        let lifted = if own.lifted.mass > 0.0 { format!(" gravcomp=\"{}\"", own.lifted.mass / own.inertia.mass) } else { String::new() };
+        let lifted = if own.lifted.mass > 0.0 {
+            format!(" gravcomp=\"{}\"", own.lifted.mass / own.inertia.mass)
+        } else {
+            String::new()
+        };
         *text += &format!("<body name=\"{}\"{lifted} {}>\n", escape(name), pose(&origin));
         for (i, place) in before.iter().copied().chain([(i, origin)]) {
             let own = |j| joint(j, &(origin.inverse() * place), self.weight[i - usize::from(robot.floating())]);
@@ -222,11 +251,18 @@ impl Own<'_> {
                     ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
                     _ => continue,
                 };
-                *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" {}/>\n", pose(&shape.pose), meets(shape.surface));
+                *text += &format!(
+                    "<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" {}/>\n",
+                    pose(&shape.pose),
+                    meets(shape.surface)
+                );
             }
             for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
                 let (place, radius) = (numbers(at.as_slice()), point.radius.max(LEAST));
-                *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n", meets(point.surface));
+                *text += &format!(
+                    "<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n",
+                    meets(point.surface)
+                );
             }
         }
         for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
@@ -239,7 +275,11 @@ impl Own<'_> {
 /// `place` is the pose of the joint frame in its body; `weight` the inverse inertia of the joint.
 fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
-    let axis = if *place == Isometry3::identity() { joint.axis().into_inner() } else { place.rotation * joint.axis().into_inner() };
+    let axis = if *place == Isometry3::identity() {
+        joint.axis().into_inner()
+    } else {
+        place.rotation * joint.axis().into_inner()
+    };
     let at = place.translation.vector;
     let at = if at.amax() == 0.0 { String::new() } else { format!(" pos=\"{}\"", numbers(at.as_slice())) };
     let (axis, limit) = (numbers(axis.as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
@@ -257,8 +297,15 @@ fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
 fn actuator(joint: &Joint, drive: &Drive) -> String {
     let Drive { kp, kd, target, speed, effort } = drive;
     let bias = numbers(&[kp * target + kd * speed, -kp, -kd]);
-    let bounds = if effort.is_finite() { format!(" forcelimited=\"true\" forcerange=\"-{effort} {effort}\"") } else { String::new() };
-    format!("<general joint=\"{}\" gainprm=\"{kp}\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n", escape(&joint.name))
+    let bounds = if effort.is_finite() {
+        format!(" forcelimited=\"true\" forcerange=\"-{effort} {effort}\"")
+    } else {
+        String::new()
+    };
+    format!(
+        "<general joint=\"{}\" gainprm=\"{kp}\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n",
+        escape(&joint.name)
+    )
 }
 
 /// Writes a limit of stiffness k and damping d, which beyond an end applies `-k r - d v`. MuJoCo applies

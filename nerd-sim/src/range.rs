@@ -43,7 +43,9 @@ impl TryFrom<String> for Range {
         let ends = inner.and_then(|t| t.split_once(','));
         let range = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
         range.filter(|l| l.low <= l.high && (l.high - l.low).is_finite()).ok_or_else(|| {
-            format!("`{text}` is not a range: write U(low, high), the low end first, without units, for example U(-pi, 2.5)")
+            format!(
+                "`{text}` is not a range: write U(low, high), the low end first, without units, for example U(-pi, 2.5)"
+            )
         })
     }
 }
@@ -74,11 +76,20 @@ pub fn within(key: impl fmt::Display, x: f64, range: RangeInclusive<f64>, unit: 
         return Ok(());
     }
     let gap = if unit.is_empty() { "" } else { " " };
-    Err(format!("{key} is {}{gap}{unit}; a number from {} to {} is needed", short(x), short(*range.start()), short(*range.end())))
+    Err(format!(
+        "{key} is {}{gap}{unit}; a number from {} to {} is needed",
+        short(x),
+        short(*range.start()),
+        short(*range.end())
+    ))
 }
 
 fn short(x: f64) -> String {
-    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) || x.abs() < 1e12 && x.fract() == 0.0 { x.to_string() } else { format!("{x:e}") }
+    if x == 0.0 || (1e-3..1e5).contains(&x.abs()) || x.abs() < 1e12 && x.fract() == 0.0 {
+        x.to_string()
+    } else {
+        format!("{x:e}")
+    }
 }
 
 /// Refuses a range with an end outside the bounds, or with its lower end above the upper end.
@@ -90,7 +101,9 @@ pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str
 }
 
 /// Deserialises exactly N values: serde would ignore the rest of a longer list.
-pub(crate) fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
+pub(crate) fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(
+    from: D,
+) -> Result<[T; N], D::Error> {
     let values = Vec::<T>::deserialize(from)?;
     values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))
 }

@@ -52,8 +52,11 @@ impl<S: Solver> Rig<S> {
         if let Some([_, bare]) = self.bare.get(k).filter(|[own, _]| Arc::ptr_eq(own, system)) {
             return bare.clone();
         }
-        let bare =
-            if system.motors.ideal() { system.clone() } else { Arc::new(System { motors: Motors::default(), ..(**system).clone() }) };
+        let bare = if system.motors.ideal() {
+            system.clone()
+        } else {
+            Arc::new(System { motors: Motors::default(), ..(**system).clone() })
+        };
         self.bare.resize_with(self.bare.len().max(k + 1), || [system.clone(), bare.clone()]);
         self.bare[k] = [system.clone(), bare.clone()];
         bare
@@ -115,7 +118,10 @@ impl<S: Solver> Solver for Rig<S> {
         match &done {
             Ok(()) => {}
             Err(StepError::Environments(faults)) => {
-                faults.iter().map(|f| f.env * d..(f.env + 1) * d).for_each(|row| batch.states[row.clone()].copy_from_slice(&shown[row]));
+                faults
+                    .iter()
+                    .map(|f| f.env * d..(f.env + 1) * d)
+                    .for_each(|row| batch.states[row.clone()].copy_from_slice(&shown[row]));
             }
             Err(_) => batch.states.copy_from_slice(&shown),
         }

@@ -108,7 +108,8 @@ impl States {
     pub fn check(&self, frames: usize) -> Result<(), FileError> {
         for (trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
             if let Some(step) = (0..frames).find(|step| t.torques(*step).is_none()) {
-                let text = format!("trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for");
+                let text =
+                    format!("trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for");
                 return Err(FileError::new(&self.path, text));
             }
         }
@@ -157,12 +158,14 @@ impl States {
 /// Whether `table` has the form that [`States::roll`] writes for `system`: same header, all cells present, numbers in
 /// the same format, consecutive steps.
 pub fn written(table: &[u8], system: &System) -> bool {
-    let header = ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect::<Vec<_>>();
+    let header =
+        ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect::<Vec<_>>();
     let (mut reader, mut last) = (csv::Reader::from_reader(table), 0);
     let same = reader.headers().is_ok_and(|found| *found == header);
     let row = |row: Result<csv::StringRecord, csv::Error>| {
         let Ok(row) = row else { return false };
-        let step = row.get(1).and_then(|step| step.parse::<usize>().ok()).filter(|step| *step == last || *step == last + 1);
+        let step =
+            row.get(1).and_then(|step| step.parse::<usize>().ok()).filter(|step| *step == last || *step == last + 1);
         last = step.unwrap_or(last);
         step.is_some() && row.iter().skip(2).all(|cell| cell.parse::<f64>().is_ok_and(|x| x.to_string() == cell))
     };
@@ -191,14 +194,20 @@ impl Columns {
                 ))
             })
         };
-        let given = |name: &&&str| torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name);
+        let given = |name: &&&str| {
+            torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name)
+        };
         // All torque columns or none: a misspelled column would be ignored silently.
         let driven = there.iter().any(|name| given(&name));
         Ok(Self {
             traj: needed("traj")?,
             step: needed("step")?,
             states: states.iter().map(|name| needed(name)).collect::<Result<_, _>>()?,
-            torques: if driven { torques.iter().map(|name| needed(name)).collect::<Result<_, _>>()? } else { Vec::new() },
+            torques: if driven {
+                torques.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
+            } else {
+                Vec::new()
+            },
         })
     }
 }

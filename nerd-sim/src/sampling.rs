@@ -31,11 +31,16 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let (nq, rates) = (robot.nq(), robot.nq() + robot.root_dofs());
     let largest = |range: &Range| range.low.abs().max(range.high.abs());
     let share: f64 = rng.random();
-    let mut even = |reset: f64, sample: &Range| share * (FASTEST * reset).max(largest(sample)) * (2.0 * rng.random::<f64>() - 1.0);
+    let mut even =
+        |reset: f64, sample: &Range| share * (FASTEST * reset).max(largest(sample)) * (2.0 * rng.random::<f64>() - 1.0);
     if let Some(root) = &spec.root {
         // A root without a reset law starts with the data's law, which is already wide.
-        let of = |ranges: fn(&RootStart) -> &[Range; 3], i: usize| root.reset.as_ref().map_or(0.0, |r| largest(&ranges(r)[i]));
-        let mut vector = |ranges: fn(&RootStart) -> &[Range; 3]| Vector3::from_fn(|i, _| even(of(ranges, i), &ranges(&root.sample)[i]));
+        let of = |ranges: fn(&RootStart) -> &[Range; 3], i: usize| {
+            root.reset.as_ref().map_or(0.0, |r| largest(&ranges(r)[i]))
+        };
+        let mut vector = |ranges: fn(&RootStart) -> &[Range; 3]| {
+            Vector3::from_fn(|i, _| even(of(ranges, i), &ranges(&root.sample)[i]))
+        };
         let (ang_vel, velocity) = (vector(|r| &r.ang_vel), vector(|r| &r.velocity));
         let (p, pose) = (Vector3::from_column_slice(&state[..3]), quaternion(&state[3..7]));
         write_twist(&mut state[nq..rates], (&p, &pose), (&ang_vel, &velocity));
@@ -78,7 +83,11 @@ fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl 
         events.iter().zip(&system.robot.contact_points).all(|(event, point)| event.distance >= point.radius)
     };
     let mut one = || {
-        let spec = PegSpec { radius: law.radius.draw(rng), height: law.height, position: law.position.map(|range| range.draw(rng)) };
+        let spec = PegSpec {
+            radius: law.radius.draw(rng),
+            height: law.height,
+            position: law.position.map(|range| range.draw(rng)),
+        };
         peg(&spec, &system.gravity(), system.spec.material)
     };
     (0..law.count).filter_map(|_| (0..PLACES).map(|_| one()).find(&mut clear)).collect()

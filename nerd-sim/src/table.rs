@@ -38,7 +38,10 @@ impl Table {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
         crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;
         let mut first = Vec::new();
-        BufReader::new(File::open(path).map_err(|e| cannot(&e))?).take(LINE).read_until(b'\n', &mut first).map_err(|e| cannot(&e))?;
+        BufReader::new(File::open(path).map_err(|e| cannot(&e))?)
+            .take(LINE)
+            .read_until(b'\n', &mut first)
+            .map_err(|e| cannot(&e))?;
         let between = [b',', b';', b'\t'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
         let mut reader = csv::ReaderBuilder::new().delimiter(between).from_path(path).map_err(|e| cannot(&e))?;
         let header = reader.headers().map_err(|e| FileError::new(path, e))?;
@@ -48,7 +51,9 @@ impl Table {
 
     /// Indices of the columns `wanted`.
     pub fn columns(&self, wanted: &[String]) -> Result<Vec<usize>, FileError> {
-        let at = |name: &String| self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")));
+        let at = |name: &String| {
+            self.names.iter().position(|n| n == name).ok_or_else(|| self.wrong(format!("no column `{name}`")))
+        };
         wanted.iter().map(at).collect()
     }
 
@@ -67,7 +72,12 @@ impl Table {
             }),
             Source::Arrays(arrays) => (0..arrays.rows()).try_for_each(|row| {
                 let (trajectory, line) = arrays.place(row);
-                take(&Row { place: Place { line, of: Some(trajectory) }, path, names, cells: Cells::Numbers(arrays, row) })
+                take(&Row {
+                    place: Place { line, of: Some(trajectory) },
+                    path,
+                    names,
+                    cells: Cells::Numbers(arrays, row),
+                })
             }),
         }
     }

@@ -18,9 +18,12 @@ impl Truth {
             Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::accurate(system))),
             Self::Paper => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
             #[cfg(feature = "rapier")]
-            Self::Rapier => {
-                Box::new(Rapier::new(RapierConfig { steps: STEPS, iterations: ITERATIONS, own_axes: true, ..Default::default() }))
-            }
+            Self::Rapier => Box::new(Rapier::new(RapierConfig {
+                steps: STEPS,
+                iterations: ITERATIONS,
+                own_axes: true,
+                ..Default::default()
+            })),
         }
     }
 }

@@ -125,7 +125,9 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         joint.friction += take("dry_friction", &joint.name, &vary.dry_friction, 0.0).unwrap_or(0.0);
         strength.extend(take("strength", &joint.name, &vary.strength, 1.0));
         zeros.extend(take("zero", &joint.name, &vary.zero, 0.0));
-        lines.extend(take("top_speed", &joint.name, &vary.top_speed, f64::INFINITY).map(|top| [spec.torque_limit(joint), top]));
+        lines.extend(
+            take("top_speed", &joint.name, &vary.top_speed, f64::INFINITY).map(|top| [spec.torque_limit(joint), top]),
+        );
         ripple.extend(take("ripple", &joint.name, &vary.ripple, 0.0));
     }
     *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);

@@ -35,9 +35,14 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_step_does_not_allocate() {
-    for (robot, scene) in
-        [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1"), ("ant", "ground"), ("ant", "steps"), ("anymal", "box")]
-    {
+    for (robot, scene) in [
+        ("cartpole", "free"),
+        ("pendulum", "free"),
+        ("pendulum", "ground1"),
+        ("ant", "ground"),
+        ("ant", "steps"),
+        ("anymal", "box"),
+    ] {
         let system = built_in(robot);
         for (name, config) in [
             ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),

@@ -108,7 +108,12 @@ fn chain(links: usize) -> String {
         let [a, b] = ["a", "b"].map(|name| format!("{name}{k}"));
         let hinge = |axis: &str| format!(r#"<axis xyz="{axis}"/><dynamics damping="0.0003"/>"#);
         parts.push(format!(r#"<link name="{a}"/>"#));
-        parts.push(joint(&format!("pitch{k}"), "continuous", [&above, &a], &(format!(r#"<origin xyz="{place}"/>"#) + &hinge("0 1 0"))));
+        parts.push(joint(
+            &format!("pitch{k}"),
+            "continuous",
+            [&above, &a],
+            &(format!(r#"<origin xyz="{place}"/>"#) + &hinge("0 1 0")),
+        ));
         parts.push(link(&b, 0.01, [0.025, 0.0, 0.0], [1e-7, 2.5e-6, 2.5e-6], &ball));
         parts.push(joint(&format!("yaw{k}"), "continuous", [&a, &b], &hinge("0 0 1")));
     }
@@ -123,7 +128,11 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     let system = Arc::new(system);
     let mut batch = batch(&system, "plane", 8);
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
-    batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = if k % d < joints { 0.2 * (k as f64).sin() } else { 0.0 });
+    batch
+        .states
+        .iter_mut()
+        .enumerate()
+        .for_each(|(k, x)| *x = if k % d < joints { 0.2 * (k as f64).sin() } else { 0.0 });
     run(&mut implicit(4), &mut batch, 0.0, 20);
     let torques = vec![0.0; batch.len() * joints];
     let mut case = Case { batch, torques, config: ArticulatedConfig::implicit(64, Friction::Coulomb) };
@@ -161,7 +170,8 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     let (mut all, mut aside, mut data) = (0, 0, Data::new(&system.robot));
     for env in 0..watched.len() {
         kinematics(&system.robot, watched.state(env), &mut data);
-        for (point, _) in system.robot.contact_points.iter().zip(watched.forces_on(env)).filter(|(_, f)| f.norm() > 0.0) {
+        for (point, _) in system.robot.contact_points.iter().zip(watched.forces_on(env)).filter(|(_, f)| f.norm() > 0.0)
+        {
             let event = watched.scenes[env].contact(&point_position(&data, point.link, &point.local));
             (all, aside) = (all + 1, aside + usize::from(event.collider > 0));
         }
@@ -181,7 +191,12 @@ fn whips_are_cut_as_the_solver_cuts_them() {
     let Some(compiler) = Compiler::find() else { return };
     let mut case = leads(20, 1);
     let d = case.batch.system.robot.state_dim();
-    case.batch.states.iter_mut().enumerate().filter(|(k, _)| k % d >= d / 2 + 6).for_each(|(k, x)| *x += 12.0 * (k as f64).sin());
+    case.batch
+        .states
+        .iter_mut()
+        .enumerate()
+        .filter(|(k, _)| k % d >= d / 2 + 6)
+        .for_each(|(k, x)| *x += 12.0 * (k as f64).sin());
     let text = case.text(Real::F64);
     let uncut = changed(&text, "#define MAX_HALVINGS 6", "#define MAX_HALVINGS 0");
     let [cut, uncut] = [text, uncut].map(|text| case.apart_by(&compiler, &text, 1).states(0));
@@ -199,7 +214,11 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     let mut batch = batch(&system, "peg", 200);
     for env in 0..batch.len() {
         let (k, mut state) = (env as f64, batch.state(env).to_vec());
-        state[..3].copy_from_slice(&[0.1 + 0.5 * (1.3 * k).sin(), 0.2 + 0.5 * (2.1 * k).cos(), 0.6 + 0.5 * (0.7 * k).sin()]);
+        state[..3].copy_from_slice(&[
+            0.1 + 0.5 * (1.3 * k).sin(),
+            0.2 + 0.5 * (2.1 * k).cos(),
+            0.6 + 0.5 * (0.7 * k).sin(),
+        ]);
         let turn = [0.3 * k.sin(), 0.4 * (1.7 * k).sin(), 0.5 * k.cos(), 1.0];
         let length = turn.iter().map(|x| x * x).sum::<f64>().sqrt();
         (0..4).for_each(|i| state[3 + i] = turn[i] / length);
@@ -220,9 +239,10 @@ fn springs_pull_as_the_solver_has_them() {
         (joint.stiffness, joint.rest) = spring;
     }
     let system = Arc::new(system);
-    for (scene, config) in
-        [("plane", ArticulatedConfig::implicit(2, Friction::Coulomb)), ("free", ArticulatedConfig::implicit(8, Friction::Coulomb))]
-    {
+    for (scene, config) in [
+        ("plane", ArticulatedConfig::implicit(2, Friction::Coulomb)),
+        ("free", ArticulatedConfig::implicit(8, Friction::Coulomb)),
+    ] {
         let mut batch = batch(&system, scene, 8);
         batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = 0.5 * (k as f64).sin());
         let few = Case { batch, torques: vec![1e-3; 16], config }.apart(&compiler, Real::F64, 3);
@@ -237,10 +257,22 @@ fn links_on_each_other_move_as_the_solver_has_them() {
     let hinge = |name: &str, child: &str, x: f64| {
         joint(name, "continuous", ["trunk", child], &format!(r#"<origin xyz="{x} 0.01 0"/><axis xyz="0 1 {x}"/>"#))
     };
-    let arm =
-        |name: &str| link(name, 0.3, [0.0, 0.0, 0.15], [2e-3, 2e-3, 1e-4], &collision([0.0, 0.0, 0.15], r#"<box size="0.05 0.12 0.3"/>"#));
-    let parts =
-        [link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""), arm("left"), arm("right"), hinge("l", "left", -0.1), hinge("r", "right", 0.1)];
+    let arm = |name: &str| {
+        link(
+            name,
+            0.3,
+            [0.0, 0.0, 0.15],
+            [2e-3, 2e-3, 1e-4],
+            &collision([0.0, 0.0, 0.15], r#"<box size="0.05 0.12 0.3"/>"#),
+        )
+    };
+    let parts = [
+        link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""),
+        arm("left"),
+        arm("right"),
+        hinge("l", "left", -0.1),
+        hinge("r", "right", 0.1),
+    ];
     let ball = |text: String| text.replace(r#"<sphere radius="0.005"/>"#, r#"<sphere radius="0.02"/>"#);
     for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain(12)), false, 0.65)] {
         let toml = format!("like = \"urdf\"\nfloating = {floating}\nself_collision = true\nmesh_points = 0\n");
@@ -253,7 +285,8 @@ fn links_on_each_other_move_as_the_solver_has_them() {
             let (first, second) = if floating { (angle, -angle) } else { (angle, 0.0) };
             *x = noise + if (k % d - coords).is_multiple_of(2) { first } else { second };
         }
-        let without = System::from_text(name, &text, Some(&toml.replace("true\nmesh", "false\nmesh"))).expect("a robot");
+        let without =
+            System::from_text(name, &text, Some(&toml.replace("true\nmesh", "false\nmesh"))).expect("a robot");
         let torques = vec![0.0; 8 * robot.joint_count()];
         let case = Case { batch: batch.clone(), torques, config: ArticulatedConfig::implicit(16, Friction::Coulomb) };
         let mut alone = Batch { system: Arc::new(without), ..batch.clone() };
@@ -289,7 +322,8 @@ fn kernels_move_as_the_solver_does() {
         assert!(double.states(0) < 1e-9 && double.forces < 1e-7, "{name} on {scene}: {double:?}");
         assert!(worst < 1e-3, "{name} on {scene} in f32: {single:?}");
         if name == "ant" {
-            case.batch.drives = (0..case.batch.len()).flat_map(|env| holding(&case.batch.system, case.batch.state(env))).collect();
+            case.batch.drives =
+                (0..case.batch.len()).flat_map(|env| holding(&case.batch.system, case.batch.state(env))).collect();
             let driven = case.apart(&compiler, Real::F64, 3);
             assert!(driven.states(0) < 1e-8, "{name} under drives: {driven:?}");
         }
@@ -317,7 +351,8 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     );
     let made = [8 * n * d, 8 * by.len(), 8 * n * ROWS * joints, 4 * n].map(|size| vec![0; size]);
     let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
-    let found = compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
+    let found =
+        compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
     assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
     let gradients = Articulated::new(case.config).vjp(batch, &case.torques, ROWS, &by).expect("gradients");
     let mut worst = vec![0.0f64; n];
@@ -340,7 +375,8 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
 #[test]
 fn kernels_go_back_as_the_solver_does() {
     let Some(compiler) = Compiler::find() else { return };
-    let on_ground = [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
+    let on_ground =
+        [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
     let flying = ["pendulum", "cartpole", "franka", "ant", "cube"].map(|name| (name, "free"));
     let mut cases: Vec<Case> = on_ground
         .into_iter()

@@ -35,7 +35,10 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
     if !system.robot.floating() {
         use nerd_sim::rollout;
         let own = rollout::States::read(&Reference::path(file), system).expect("read as it is");
-        assert!(own.trajectories.values().map(|t| &t.start).eq(out.iter().map(|t| &t.states[0])), "{file}: other starts");
+        assert!(
+            own.trajectories.values().map(|t| &t.start).eq(out.iter().map(|t| &t.states[0])),
+            "{file}: other starts"
+        );
         let same = |(own, t): (&rollout::Trajectory, &Trajectory)| own.torques(0) == Some(&t.torques[0][..]);
         assert!(!own.driven || own.trajectories.values().zip(&out).all(same), "{file}: other torques");
     }
@@ -44,7 +47,14 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
 
 /// Largest |difference| over the coordinates of q (m or rad, an orientation by its angle) after `steps` frames, one for
 /// each trajectory of the file. `nudge` shifts one coordinate of all starts. `None` without the file.
-fn drift(file: &str, robot: &str, scene: &str, friction: Friction, steps: usize, nudge: Option<(usize, f64)>) -> Option<Vec<f64>> {
+fn drift(
+    file: &str,
+    robot: &str,
+    scene: &str,
+    friction: Friction,
+    steps: usize,
+    nudge: Option<(usize, f64)>,
+) -> Option<Vec<f64>> {
     let system = built_in(robot);
     let mut trajectories = read(file, &system)?;
     if let Some((coordinate, by)) = nudge {
@@ -61,7 +71,8 @@ fn drift(file: &str, robot: &str, scene: &str, friction: Friction, steps: usize,
     let wraps: Vec<bool> = system.robot.joints().map(|j| j.wraps()).collect();
     let gap = |env: usize| {
         let (ours, theirs) = (batch.state(env), &trajectories[env].states[steps]);
-        let joints = (coords..nq).map(|k| if wraps[k - coords] { wrap(ours[k] - theirs[k]) } else { ours[k] - theirs[k] });
+        let joints =
+            (coords..nq).map(|k| if wraps[k - coords] { wrap(ours[k] - theirs[k]) } else { ours[k] - theirs[k] });
         let place = (0..coords.min(3)).map(|k| ours[k] - theirs[k]);
         let turn = (coords > 0).then(|| quaternion(&ours[3..7]).angle_to(&quaternion(&theirs[3..7])));
         joints.chain(place).chain(turn).map(f64::abs).fold(0.0, f64::max)
@@ -144,7 +155,10 @@ fn robots_in_space_are_reproduced_to_step_60() {
         for trajectory in (0..found.len()).filter(|&t| found[t] >= bound) {
             let nudges = (0..3).flat_map(|k| [(k, 3e-6), (k, -3e-6)]);
             let near = nudges.filter_map(|nudge| Some(drifts(Some(nudge))?[trajectory])).fold(f64::INFINITY, f64::min);
-            println!("  trajectory {trajectory} leaves at a limit: {:.1e}, from a start 3e-6 m away {near:.1e}", found[trajectory]);
+            println!(
+                "  trajectory {trajectory} leaves at a limit: {:.1e}, from a start 3e-6 m away {near:.1e}",
+                found[trajectory]
+            );
             assert!(near < bound, "{name}: {:.2e} rad or m at step 60, bound {bound:.0e}", found[trajectory]);
             flipped += 1;
         }

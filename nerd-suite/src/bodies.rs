@@ -54,13 +54,16 @@ impl Body {
     pub fn system(&self) -> Result<Arc<System>, SystemError> {
         let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
         let collision = |at: [f64; 3], shape: &str| {
-            format!(r#"<collision><origin xyz="{} {} {}"/><geometry>{shape}</geometry></collision>"#, at[0], at[1], at[2])
+            format!(
+                r#"<collision><origin xyz="{} {} {}"/><geometry>{shape}</geometry></collision>"#,
+                at[0], at[1], at[2]
+            )
         };
         let collisions = match self.feet {
             None => collision([0.0; 3], &self.shape),
-            Some([x, y, z]) => {
-                [[x, y], [x, -y], [-x, y], [-x, -y]].map(|[x, y]| collision([x, y, -z], r#"<sphere radius="0.02"/>"#)).concat()
-            }
+            Some([x, y, z]) => [[x, y], [x, -y], [-x, y], [-x, -y]]
+                .map(|[x, y]| collision([x, y, -z], r#"<sphere radius="0.02"/>"#))
+                .concat(),
         };
         let urdf = format!(
             r#"<robot name="body"><link name="body"><inertial><origin xyz="{} {} {}" rpy="{} {} {}"/><mass value="{}"/><inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>{}</link></robot>"#,
@@ -92,8 +95,10 @@ impl Body {
 /// additional TOML of every joint, `frame` the frame time (s), `gravity` (m/s^2) points down.
 pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, SystemError> {
     let mut urdf = String::from(r#"<robot name="chain"><link name="l0"/>"#);
-    let mut toml =
-        format!("urdf = \"\"\nfloating = false\nframe_time = \"{frame}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n", -gravity);
+    let mut toml = format!(
+        "urdf = \"\"\nfloating = false\nframe_time = \"{frame}\"\ngravity = [0.0, 0.0, {:?}]\nsubsteps = 16\n",
+        -gravity
+    );
     for (k, m) in masses.iter().enumerate() {
         // A small inertia keeps the mass matrix regular.
         let i = 1e-4 * m;
@@ -125,7 +130,9 @@ pub fn universal() -> Result<Arc<System>, SystemError> {
         )
     };
     let joint = |name: &str, parent: &str, child: &str, axis: &str| {
-        format!(r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/></joint>"#)
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/></joint>"#
+        )
     };
     let urdf = [
         r#"<robot name="universal"><link name="base"/>"#.to_string(),

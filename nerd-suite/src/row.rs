@@ -28,7 +28,13 @@ pub struct Row {
 }
 
 impl Row {
-    pub(super) const fn new(name: &'static str, figure: &'static str, unit: &'static str, limit: f64, measure: Measure) -> Self {
+    pub(super) const fn new(
+        name: &'static str,
+        figure: &'static str,
+        unit: &'static str,
+        limit: f64,
+        measure: Measure,
+    ) -> Self {
         Self { name, figure, unit, source: "", why: "", limit, measure }
     }
 
@@ -42,7 +48,8 @@ impl Row {
 
     /// The row's line of results, with a cell per method.
     pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
-        let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
+        let [row, figure, unit, source, why] =
+            [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
         Line { row, figure, unit, source, why, limit: self.limit, cells }
     }
 
@@ -50,7 +57,9 @@ impl Row {
     pub fn cell(&self, method: &Method) -> Cell {
         let trial = Trial::new(method);
         match (self.measure)(&trial) {
-            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell { figure: None, lost: None, verdict: Verdict::Unasked },
+            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => {
+                Cell { figure: None, lost: None, verdict: Verdict::Unasked }
+            }
             measured => Cell::new(measured, trial.lost.take(), self.limit),
         }
     }
@@ -106,7 +115,8 @@ impl Cell {
         // Stands for infinity: beyond all limits, but finite.
         const HUGE: f64 = 1e300;
         let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
-        let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
+        let lost =
+            lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
         let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
         let verdict = match figure {
             _ if lost.is_some() => Verdict::Fail,

@@ -37,7 +37,10 @@ pub struct Method {
 
 impl Method {
     /// A method of any solver; `make` builds a new solver for each motion of a system.
-    pub fn new(name: impl Into<String>, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
+    pub fn new(
+        name: impl Into<String>,
+        make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static,
+    ) -> Self {
         Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
     }
 
@@ -165,7 +168,14 @@ impl<'a> Trial<'a> {
     }
 
     /// Rolls out under torques set by `drive(state, torques)`. Stores an error of the solver in `lost`.
-    pub fn driven(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive) -> Result<Motion, Error> {
+    pub fn driven(
+        &self,
+        system: &Arc<System>,
+        scene: &str,
+        start: &[f64],
+        frames: usize,
+        drive: &mut Drive,
+    ) -> Result<Motion, Error> {
         self.under(&mut *(self.method.make)(system), system, scene, start, frames, drive)
     }
 
@@ -176,7 +186,14 @@ impl<'a> Trial<'a> {
     }
 
     /// Rolls out without torques, by a solver that has stepped ten frames from `other` and was then reset.
-    pub fn after_reset(&self, system: &Arc<System>, scene: &str, other: &[f64], start: &[f64], frames: usize) -> Result<Motion, Error> {
+    pub fn after_reset(
+        &self,
+        system: &Arc<System>,
+        scene: &str,
+        other: &[f64],
+        start: &[f64],
+        frames: usize,
+    ) -> Result<Motion, Error> {
         let mut solver = (self.method.make)(system);
         self.under(&mut *solver, system, scene, other, 10, &mut |_, _| ())?;
         solver.reset(0);

@@ -68,8 +68,11 @@ fn what_cannot_be_asked_is_not_failed() {
     let mine = Method::new("mine", |_| Box::new(Hold));
     let lines = Suite::new().only(&["self-convergence", "free fall"]).expect("rows").run(&[mine], |_| ());
     let verdicts: Vec<_> = lines.iter().map(|l| (l.row.as_str(), l.cells[0].verdict)).collect();
-    let expected =
-        [("free fall", Verdict::Fail), ("pendulum self-convergence", Verdict::Unasked), ("Ant self-convergence", Verdict::Unasked)];
+    let expected = [
+        ("free fall", Verdict::Fail),
+        ("pendulum self-convergence", Verdict::Unasked),
+        ("Ant self-convergence", Verdict::Unasked),
+    ];
     assert_eq!(verdicts, expected, "{lines:?}");
     let said = Suite::new().only(&["bowling"]).expect_err("no such row").to_string();
     assert!(!said.contains('\n') && said.contains("bowling") && said.contains("free fall"), "{said}");
@@ -79,9 +82,12 @@ fn what_cannot_be_asked_is_not_failed() {
 /// `long steps` and `fast spin`.
 #[test]
 fn faults_of_energy_and_friction_turn_rows_red() {
-    let drag = Method::new("sticking as a drag", |_| Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Huber))));
-    let unwatched =
-        Method::new("no watch", |system: &Arc<System>| Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))));
+    let drag = Method::new("sticking as a drag", |_| {
+        Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Huber)))
+    });
+    let unwatched = Method::new("no watch", |system: &Arc<System>| {
+        Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb)))
+    });
     for (method, rows) in [(drag, vec!["creep"]), (unwatched, vec!["long steps", "fast spin"])] {
         for name in rows {
             let row = *Suite::new().rows().iter().find(|row| row.name == name).expect("a row");

@@ -19,13 +19,17 @@ impl Solver for Still {
 
 fn step(c: &mut Criterion) {
     let system = System::named("ant").expect("built in");
-    let solvers: [(&str, Box<dyn Solver>); 2] =
-        [("task alone", Box::new(Still)), ("articulated", Box::new(Articulated::new(ArticulatedConfig::accurate(&system))))];
+    let solvers: [(&str, Box<dyn Solver>); 2] = [
+        ("task alone", Box::new(Still)),
+        ("articulated", Box::new(Articulated::new(ArticulatedConfig::accurate(&system)))),
+    ];
     for (name, solver) in solvers {
         let batch = Batch::new(&system, &system.scene("ground").expect("built in"), N);
         let mut episodes = Episodes::new(named("ant-run").expect("built in"), Simulation { batch, solver }, 0);
         let actions = vec![0.1; N * episodes.task.action_dim()];
-        c.bench_function(&format!("ant-run x {N}, {name}"), |b| b.iter(|| episodes.step(&actions).expect("finite physics")));
+        c.bench_function(&format!("ant-run x {N}, {name}"), |b| {
+            b.iter(|| episodes.step(&actions).expect("finite physics"))
+        });
     }
 }
 

@@ -9,7 +9,15 @@ struct Backwards;
 
 impl Task for Backwards {
     fn about(&self) -> About {
-        About { name: "ant-backwards", robot: "ant", scene: "ground", observation: 27, action: 8, steps: 500, frames: 1 }
+        About {
+            name: "ant-backwards",
+            robot: "ant",
+            scene: "ground",
+            observation: 27,
+            action: 8,
+            steps: 500,
+            frames: 1,
+        }
     }
     fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
         out[0] = sight.q(1); // height

@@ -44,7 +44,8 @@ pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
     for direction in along {
         let own = axes.tr_mul(direction);
         let (sway, bend) = (own.y.atan2(own.x), (-own.z).atan2(own.x.hypot(own.y)));
-        axes *= Rotation3::from_axis_angle(&Vector3::z_axis(), sway) * Rotation3::from_axis_angle(&Vector3::y_axis(), bend);
+        axes *=
+            Rotation3::from_axis_angle(&Vector3::z_axis(), sway) * Rotation3::from_axis_angle(&Vector3::y_axis(), bend);
         angles.extend([sway, bend]);
     }
     angles

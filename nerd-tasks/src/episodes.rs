@@ -154,7 +154,9 @@ impl Episodes {
         self.finite("observe", &self.observations)?;
         if let Some(trace) = &mut self.trace {
             let states = self.simulation.batch.states.chunks_exact(d).zip(&failed);
-            trace.reached.extend(states.flat_map(|(state, failed)| state.iter().map(|x| if *failed { f64::NAN } else { *x })));
+            trace
+                .reached
+                .extend(states.flat_map(|(state, failed)| state.iter().map(|x| if *failed { f64::NAN } else { *x })));
         }
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         result.failed = failed;
@@ -168,7 +170,8 @@ impl Episodes {
     pub fn snapshot(&self) -> Snapshot {
         let batch = &self.simulation.batch;
         let (states, frames) = (batch.states.clone(), batch.frames.clone());
-        let mut snapshot = Snapshot { states, frames, goals: self.goals.clone(), begun: self.begun.clone(), ..Default::default() };
+        let mut snapshot =
+            Snapshot { states, frames, goals: self.goals.clone(), begun: self.begun.clone(), ..Default::default() };
         self.past.write(&mut snapshot);
         snapshot
     }
@@ -182,7 +185,9 @@ impl Episodes {
         let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
         let found = (snapshot.states.len(), snapshot.frames.len(), snapshot.goals.len(), snapshot.begun.len());
         if found != fits {
-            return Err(StepError::Solver(format!("a snapshot of {found:?} numbers (states, frames, goals, episodes), not of {fits:?}")));
+            return Err(StepError::Solver(format!(
+                "a snapshot of {found:?} numbers (states, frames, goals, episodes), not of {fits:?}"
+            )));
         }
         batch.states.copy_from_slice(&snapshot.states);
         batch.frames.copy_from_slice(&snapshot.frames);
@@ -294,7 +299,18 @@ impl Episodes {
 
     /// Writes the observations of some environments, through their sensors.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
-        let Self { task, simulation: Simulation { batch, .. }, goals, observations, works, past, seed, first, begun, .. } = self;
+        let Self {
+            task,
+            simulation: Simulation { batch, .. },
+            goals,
+            observations,
+            works,
+            past,
+            seed,
+            first,
+            begun,
+            ..
+        } = self;
         let sensed = !batch.systems.is_empty() && batch.system.sensed();
         rows(observations, task.observation_dim(), works, |env, row, work| {
             if !some(env) {

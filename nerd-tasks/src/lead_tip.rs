@@ -50,7 +50,8 @@ const AHEAD: [u64; 3] = [15, 30, 60];
 const FASTEST: f64 = 0.4;
 /// Bounds of the gripper's position relative to home (m). The training data exceeds the height in one frame of twenty;
 /// the sides fit the longest line.
-const BOX: [Range; 3] = [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
+const BOX: [Range; 3] =
+    [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
 /// Tolerance: distance (m) between tip and target.
 const NEAR: f64 = 0.02;
 
@@ -107,7 +108,11 @@ impl Seen {
             let place = point_position(data, point.link, &point.local);
             [place, data.velocity[point.link].at(&(place - data.origin))]
         });
-        Self { gripper: [vector(state), vector(&state[robot.nq()..])], home: root_position(&work.system.robot, state), points }
+        Self {
+            gripper: [vector(state), vector(&state[robot.nq()..])],
+            home: root_position(&work.system.robot, state),
+            points,
+        }
     }
 
     /// Position and velocity of the tip.
@@ -118,7 +123,15 @@ impl Seen {
 
 impl Task for LeadTip {
     fn about(&self) -> About {
-        About { name: "lead-tip", robot: "lead-pegs", scene: "plane", observation: 23 + 6 * SEEN, action: 3, steps: 100, frames: 3 }
+        About {
+            name: "lead-tip",
+            robot: "lead-pegs",
+            scene: "plane",
+            observation: 23 + 6 * SEEN,
+            action: 3,
+            steps: 100,
+            frames: 3,
+        }
     }
 
     fn plain(&self) -> Option<&dyn Plain> {

@@ -41,7 +41,8 @@ pub fn general() -> Vec<&'static str> {
 
 /// A task's name as part of a folder name: `walk-go2` for `walk@robots/go2.urdf`.
 pub fn word(name: &str) -> String {
-    let stem = |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    let stem =
+        |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let (task, robot) = parts(name);
     [task].into_iter().chain(robot).map(stem).collect::<Vec<_>>().join("-")
 }

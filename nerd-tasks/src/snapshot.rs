@@ -67,7 +67,8 @@ impl Past {
         if self.most == 0 {
             return;
         }
-        let mut oldest = if self.frames.len() >= self.most { self.frames.pop_front() } else { None }.unwrap_or_default();
+        let mut oldest =
+            if self.frames.len() >= self.most { self.frames.pop_front() } else { None }.unwrap_or_default();
         for (kept, now) in [(&mut oldest.0, states), (&mut oldest.1, torques)] {
             kept.clear();
             kept.par_extend(now.par_iter().with_min_len(MOVED).copied());
@@ -83,7 +84,8 @@ impl Past {
     pub(crate) fn read(&mut self, snapshot: &Snapshot, joints: usize) {
         let (states, torques) = (snapshot.states.len(), snapshot.frames.len() * joints);
         self.frames.clear();
-        let frames = snapshot.past_states.chunks_exact(states.max(1)).zip(snapshot.past_torques.chunks_exact(torques.max(1)));
+        let frames =
+            snapshot.past_states.chunks_exact(states.max(1)).zip(snapshot.past_torques.chunks_exact(torques.max(1)));
         frames.for_each(|(s, t)| self.frames.push_back((s.to_vec(), t.to_vec())));
     }
 

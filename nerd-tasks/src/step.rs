@@ -35,7 +35,12 @@ pub(crate) fn episode(seed: u64, env: usize, begun: u64) -> ChaCha8Rng {
 }
 
 /// Writes a row of `width` numbers for every environment, in parallel.
-pub(crate) fn rows(all: &mut [f64], width: usize, works: &mut [Work], write: impl Fn(usize, &mut [f64], &mut Work) + Sync) {
+pub(crate) fn rows(
+    all: &mut [f64],
+    width: usize,
+    works: &mut [Work],
+    write: impl Fn(usize, &mut [f64], &mut Work) + Sync,
+) {
     let width = width.max(1);
     let chunks = all.par_chunks_mut(CHUNK * width).zip(works).enumerate();
     chunks.for_each(|(chunk, (rows, work))| {

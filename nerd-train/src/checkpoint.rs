@@ -53,7 +53,13 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
         }
     };
     let weights = Weights { config: found, flat: vector("weights")? };
-    let state = LearnerState { step: file.parsed("step")?, weights, average: vector("average")?, m: vector("m")?, v: vector("v")? };
+    let state = LearnerState {
+        step: file.parsed("step")?,
+        weights,
+        average: vector("average")?,
+        m: vector("m")?,
+        v: vector("v")?,
+    };
     Ok((state, file.word("config")?.into()))
 }
 
@@ -93,7 +99,9 @@ impl Best {
         let damaged = |e: Error| {
             let reason = if let Error::File(FileError { reason, .. }) = e { reason } else { e.to_string() };
             let path = path.display();
-            Error::Refused(format!("{path} is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"))
+            Error::Refused(format!(
+                "{path} is damaged: {reason}; move it away, and the run rewrites it from its last checkpoint"
+            ))
         };
         Self::read(&path, run).map_err(damaged)
     }

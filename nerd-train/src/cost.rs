@@ -50,7 +50,11 @@ pub fn powers(last: usize) -> impl Iterator<Item = usize> {
 
 /// Runs `work` in a rayon pool of one thread.
 pub fn on_one_core<T: Send, E: From<Error> + Send>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, E> {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::Refused(format!("no thread to time on: {e}")))?.install(work)
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .map_err(|e| Error::Refused(format!("no thread to time on: {e}")))?
+        .install(work)
 }
 
 #[cfg(test)]

@@ -52,7 +52,9 @@ impl Measured {
 
     /// Name of the truth of a log: the file's name up to the first dot, or the folder's name if the file is `log.toml`.
     pub fn name(path: &Path) -> String {
-        let stem = |path: &Path| path.file_name().map(|name| name.to_string_lossy().split('.').next().unwrap_or_default().to_string());
+        let stem = |path: &Path| {
+            path.file_name().map(|name| name.to_string_lossy().split('.').next().unwrap_or_default().to_string())
+        };
         let folder = || stem(std::path::absolute(path).ok()?.parent()?);
         let name = stem(path).filter(|name| name != "log").or_else(folder);
         format!("{RECORDED}{}", name.unwrap_or_default())
@@ -159,7 +161,10 @@ impl Measured {
         let starts: Vec<(usize, usize)> = starts.collect();
         if starts.is_empty() {
             let longest = part.iter().map(self::frames).max().unwrap_or(0);
-            refuse!("`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer", self.truth);
+            refuse!(
+                "`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer",
+                self.truth
+            );
         }
         let short = part.iter().filter(|t| self::frames(t) < length).count();
         if short > 0 {
@@ -169,7 +174,13 @@ impl Measured {
     }
 
     /// At most `most` pieces from `starts`, each (trajectory, frame) in the part.
-    fn cut(&self, part: &[Trajectory], starts: &[(usize, usize)], [before, frames]: [usize; 2], most: usize) -> Result<Pieces> {
+    fn cut(
+        &self,
+        part: &[Trajectory],
+        starts: &[(usize, usize)],
+        [before, frames]: [usize; 2],
+        most: usize,
+    ) -> Result<Pieces> {
         let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
         let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
             (0..count)
@@ -189,23 +200,33 @@ impl Measured {
     /// Held-out pieces that begin at the starts of another log's trajectories, and the other log's states after each
     /// frame. Compares another simulator, or the same one with another step, with the recording. Without `frames`, the
     /// median length is used; shorter trajectories are left out.
-    pub fn beside(&self, other: &Log, before: usize, frames: Option<usize>, most: usize) -> Result<(Pieces, Vec<Vec<f64>>)> {
+    pub fn beside(
+        &self,
+        other: &Log,
+        before: usize,
+        frames: Option<usize>,
+        most: usize,
+    ) -> Result<(Pieces, Vec<Vec<f64>>)> {
         let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
-        let others: HashMap<Vec<u64>, &Trajectory> = other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
+        let others: HashMap<Vec<u64>, &Trajectory> =
+            other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
         let times = [other.system.frame_time, self.log.system.frame_time];
         if times[0] != times[1] {
             refuse!("--beside: its frames last {} s, those of what was held out {} s", times[0], times[1]);
         }
         if others.len() < other.trajectories.len() {
-            refuse!("--beside: two of its trajectories begin in one state, so it is not clear which of them goes on as what was held out");
+            refuse!(
+                "--beside: two of its trajectories begin in one state, so it is not clear which of them goes on as what was held out"
+            );
         }
         let frames = frames.unwrap_or_else(|| median(others.values().map(|t| self::frames(t))));
         let starts = self.held_out.iter().enumerate().flat_map(|(k, t)| {
             let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
             (before..last).map(move |first| (k, first))
         });
-        let there =
-            |(k, first): &(usize, usize)| others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames);
+        let there = |(k, first): &(usize, usize)| {
+            others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames)
+        };
         let starts: Vec<(usize, usize)> = starts.filter(there).map(|(k, first)| (k, first - before)).collect();
         if starts.is_empty() {
             refuse!(
@@ -214,7 +235,8 @@ impl Measured {
         }
         let pieces = self.cut(&self.held_out, &starts, [before, frames], most)?;
         let d = self.log.system.robot.state_dim();
-        let of: Vec<&Trajectory> = pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect();
+        let of: Vec<&Trajectory> =
+            pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect();
         let states = (1..=frames).map(|frame| of.iter().flat_map(|t| t.states[frame].clone()).collect()).collect();
         Ok((pieces, states))
     }

@@ -25,7 +25,9 @@ pub(crate) use sha2::{Digest, Sha256};
 
 pub(crate) use crate::difference::between;
 pub(crate) use crate::error::{Error, Result, part, refuse};
-pub(crate) use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
+pub(crate) use crate::learner::{
+    LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
+};
 pub(crate) use crate::progress::bar;
 pub(crate) use crate::stop::Stop;
 pub(crate) use crate::tensors::Tensors;

@@ -25,7 +25,8 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
                 let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
-                let (events, torques) = (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
+                let (events, torques) =
+                    (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
                 features.token(&shown[frame * d..][..d], &events, torques, &gravity, x);
                 features.target(state, next, y);
             }
@@ -41,7 +42,13 @@ fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEven
         let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
         let distance = recording.depths[i];
         // The point on the robot follows from the others and is not a network input.
-        ContactEvent { p0: p1 + if distance.is_finite() { normal * distance } else { normal }, p1, normal, distance, collider: 0 }
+        ContactEvent {
+            p0: p1 + if distance.is_finite() { normal * distance } else { normal },
+            p1,
+            normal,
+            distance,
+            collider: 0,
+        }
     };
     (row * points..(row + 1) * points).map(event).collect()
 }
@@ -103,7 +110,13 @@ pub(crate) fn shard(
 }
 
 /// Reads a folder of [`nerd_sim::dataset::generate`]. It must have been recorded with the truth named `truth`.
-pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, form: impl Into<Form>) -> Result<Prepared, DatasetError> {
+pub fn read(
+    system: &Arc<System>,
+    truth: &str,
+    folder: &Path,
+    history: usize,
+    form: impl Into<Form>,
+) -> Result<Prepared, DatasetError> {
     let form = form.into();
     let (manifest, shards) = opened(system, truth, folder, |manifest, name| {
         let recording = manifest.shard(folder, name, system)?;
@@ -147,7 +160,9 @@ pub fn moments(windows: &Windows) -> Normalizer {
 
 /// Normalises windows in place.
 pub fn normalize(windows: &mut Windows, normalizer: &Normalizer) {
-    let rows = |x: &mut Vec<f32>, width: usize, moments: &Moments| x.par_chunks_mut(width * 4096).for_each(|rows| moments.normalize(rows));
+    let rows = |x: &mut Vec<f32>, width: usize, moments: &Moments| {
+        x.par_chunks_mut(width * 4096).for_each(|rows| moments.normalize(rows))
+    };
     rows(&mut windows.x, windows.inputs, &normalizer.inputs);
     rows(&mut windows.y, windows.outputs, &normalizer.outputs);
 }

@@ -27,15 +27,22 @@ pub struct Provenance {
 impl Provenance {
     /// Provenance of this process.
     pub fn now(seed: u64) -> Self {
-        let args = std::env::args_os().skip(1).map(|word| without_folders(word.to_string_lossy().into())).collect::<Vec<_>>().join(" ");
+        let args = std::env::args_os()
+            .skip(1)
+            .map(|word| without_folders(word.to_string_lossy().into()))
+            .collect::<Vec<_>>()
+            .join(" ");
         // Commands of the Python package have the module's name.
-        let own = std::env::args_os().next().is_some_and(|word| std::path::Path::new(&word).file_stem().is_some_and(|name| name == "nerd"));
+        let own = std::env::args_os()
+            .next()
+            .is_some_and(|word| std::path::Path::new(&word).file_stem().is_some_and(|name| name == "nerd"));
         let program = match own {
             _ if args.contains("-m nerd ") => "python",
             true => "nerd",
             false => "cargo xtask",
         };
-        let (commit, command, date) = (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());
+        let (commit, command, date) =
+            (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());
         Self { commit, command, seed, machine: machine(), date }
     }
 

@@ -16,7 +16,8 @@ pub fn claimed(folder: &Path) -> Result<Claim> {
 }
 
 /// Names of the files and folders of a run.
-const OWN: [&str; 7] = ["run.json", "metrics.jsonl", "sessions.jsonl", "last.safetensors", "best.safetensors", "model", "policy"];
+const OWN: [&str; 7] =
+    ["run.json", "metrics.jsonl", "sessions.jsonl", "last.safetensors", "best.safetensors", "model", "policy"];
 
 /// Refuses a folder with files of these names that no run has written.
 pub fn ours(folder: &Path) -> Result<()> {
@@ -49,7 +50,8 @@ impl Record {
         if path.exists() {
             let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
             let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?.get("step")?.as_u64();
-            let kept: String = text.lines().filter(|l| of(l).is_some_and(|s| s <= step)).flat_map(|l| [l, "\n"]).collect();
+            let kept: String =
+                text.lines().filter(|l| of(l).is_some_and(|s| s <= step)).flat_map(|l| [l, "\n"]).collect();
             nerd_sim::files::write(&path, kept.as_bytes()).map_err(Error::file(&path))?;
         }
         Self::append(path)
@@ -107,7 +109,9 @@ impl Session {
         for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
             match serde_json::from_str(line) {
                 Ok(session) => all.push(session),
-                Err(e) => tell!("{}, line {}: {e}; the minutes of that session are not counted", path.display(), number + 1),
+                Err(e) => {
+                    tell!("{}, line {}: {e}; the minutes of that session are not counted", path.display(), number + 1)
+                }
             }
         }
         Ok(all)
@@ -126,8 +130,14 @@ pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(B
     let machine = sessions.last().map(|s| s.machine.clone()).unwrap_or_default();
     let Provenance { commit, command, date, .. } = Provenance::now(seed);
     let seed = seed.to_string();
-    let mut rows =
-        vec![("commit", commit), ("command", command), ("seed", seed), ("machine", machine), ("minutes", minutes), ("date", date)];
+    let mut rows = vec![
+        ("commit", commit),
+        ("command", command),
+        ("seed", seed),
+        ("machine", machine),
+        ("minutes", minutes),
+        ("date", date),
+    ];
     rows.extend(own);
     let table: String = rows.iter().map(|(name, value)| format!("| {name} | {value} |\n")).collect();
     Ok((rows.into_iter().map(|(name, value)| (name.into(), value)).collect(), format!("| | |\n|---|---|\n{table}")))

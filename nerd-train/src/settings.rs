@@ -79,7 +79,9 @@ impl Values {
             Self::Text | Self::Words(_) => text.into(),
             Self::Texts | Self::Read(_) => listed(text).into(),
             Self::Whole(_) => text.parse::<u64>().map_or(Value::Null, Value::from),
-            Self::Wholes(_) => text.split(',').map(|part| part.parse::<u64>().map_or(Value::Null, Value::from)).collect(),
+            Self::Wholes(_) => {
+                text.split(',').map(|part| part.parse::<u64>().map_or(Value::Null, Value::from)).collect()
+            }
             Self::Number(_) | Self::Positive(_) => text.parse::<f64>().map_or(Value::Null, Value::from),
         };
         self.check(&value).map(|()| value)
@@ -91,13 +93,17 @@ impl Values {
         let (good, needed) = match self {
             Self::Flag => (value.is_boolean(), "true or false is needed".into()),
             Self::Text => (text(value), "a text is needed".into()),
-            Self::Texts => (value.as_array().is_some_and(|all| all.iter().all(text)), "a list of texts is needed".into()),
+            Self::Texts => {
+                (value.as_array().is_some_and(|all| all.iter().all(text)), "a list of texts is needed".into())
+            }
             Self::Read(read) => {
                 let all = value.as_array().filter(|all| all.iter().all(text));
                 let wrong = all.into_iter().flatten().filter_map(Value::as_str).find_map(|text| read(text).err());
                 (all.is_some() && wrong.is_none(), wrong.unwrap_or_else(|| "a list of texts is needed".into()))
             }
-            Self::Words(words) => (value.as_str().is_some_and(|s| words.contains(&s)), format!("one of {} is needed", words.join(", "))),
+            Self::Words(words) => {
+                (value.as_str().is_some_and(|s| words.contains(&s)), format!("one of {} is needed", words.join(", ")))
+            }
             Self::Whole(range) => {
                 let needed = format!("a whole number from {} to {} is needed", range.start(), range.end());
                 (value.as_u64().is_some_and(|n| range.contains(&n)), needed)
@@ -108,8 +114,11 @@ impl Values {
                 (value.as_array().is_some_and(|all| !all.is_empty() && all.iter().all(whole)), needed)
             }
             Self::Number(range) => {
-                let within =
-                    if *range == (f64::MIN..=f64::MAX) { String::new() } else { format!(" from {} to {}", range.start(), range.end()) };
+                let within = if *range == (f64::MIN..=f64::MAX) {
+                    String::new()
+                } else {
+                    format!(" from {} to {}", range.start(), range.end())
+                };
                 let needed = format!("a {}number{within} is needed", if within.is_empty() { "finite " } else { "" });
                 (value.as_f64().is_some_and(|x| range.contains(&x)), needed)
             }

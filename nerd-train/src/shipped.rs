@@ -5,7 +5,9 @@ use crate::prelude::*;
 /// Root of the workspace around the current folder. Empty if that is the current folder itself, or if there is none.
 pub fn root() -> PathBuf {
     let Ok(here) = std::env::current_dir() else { return PathBuf::new() };
-    let whole = |folder: &&Path| std::fs::read_to_string(folder.join("Cargo.toml")).is_ok_and(|text| text.contains("[workspace]"));
+    let whole = |folder: &&Path| {
+        std::fs::read_to_string(folder.join("Cargo.toml")).is_ok_and(|text| text.contains("[workspace]"))
+    };
     match here.ancestors().find(whole) {
         Some(found) if found != here => found.into(),
         _ => PathBuf::new(),
@@ -54,7 +56,8 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     }
     let entries = std::fs::read_dir(of).map_err(Error::file(of))?;
     let named = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix));
-    let mut found: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.join("config.json").exists()).collect();
+    let mut found: Vec<PathBuf> =
+        entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.join("config.json").exists()).collect();
     found.sort();
     Ok(found)
 }

@@ -41,11 +41,17 @@ impl Supply {
     ///
     /// # Errors
     /// If recording is refused, the data is less than a shard, or a thread cannot be started.
-    pub fn new(system: &Arc<System>, solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static, config: SupplyConfig) -> Result<Self> {
+    pub fn new(
+        system: &Arc<System>,
+        solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
+        config: SupplyConfig,
+    ) -> Result<Self> {
         config.data.check(system)?;
         let (trajectories, shard) = (config.data.trajectories(), config.data.shard_trajectories);
         if trajectories < shard {
-            return Err(DatasetError::Config(format!("{trajectories} trajectories are less than a shard of {shard}")).into());
+            return Err(
+                DatasetError::Config(format!("{trajectories} trajectories are less than a shard of {shard}")).into()
+            );
         }
         let threads = rayon::current_num_threads() as u64;
         let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
@@ -85,7 +91,8 @@ impl Supply {
         self.next += 1;
         let place = (j % self.slots) as usize * self.config.data.shard_trajectories;
         let made = self.threads[(j % self.threads.len() as u64) as usize].recv();
-        let made = made.unwrap_or_else(|_| Err(DatasetError::Config("a thread that records fresh data panicked".into())));
+        let made =
+            made.unwrap_or_else(|_| Err(DatasetError::Config("a thread that records fresh data panicked".into())));
         Some(made.map(|windows| (place, windows)).map_err(Error::from))
     }
 
@@ -96,7 +103,12 @@ impl Supply {
     }
 }
 
-fn make(system: &Arc<System>, solver: &(dyn Fn() -> Box<dyn Solver> + Sync), c: &SupplyConfig, k: u64) -> Result<Windows, DatasetError> {
+fn make(
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    c: &SupplyConfig,
+    k: u64,
+) -> Result<Windows, DatasetError> {
     let count = c.data.shard_trajectories;
     let first = c.data.trajectories() as u64 + k * count as u64;
     let (mut windows, _) = shard(system, solver, &c.data, first, count, (c.history, c.form))?;

@@ -46,7 +46,10 @@ impl Tensors {
 
     /// Writes the file atomically.
     pub fn save(&self, path: &Path) -> Result<()> {
-        let views = self.parts.iter().map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
+        let views = self
+            .parts
+            .iter()
+            .map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::file(path))?;
         let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::file(path))?;
         nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
@@ -58,7 +61,8 @@ impl Tensors {
         let wrong = |e: safetensors::SafeTensorError| file.wrong(format!("no safetensors file, or one cut short: {e}"));
         let words = SafeTensors::read_metadata(&bytes).map_err(wrong)?.1.metadata().clone().unwrap_or_default();
         let tensors = SafeTensors::deserialize(&bytes).map_err(wrong)?;
-        let part = |(name, view): (String, TensorView)| (name, (view.dtype(), view.shape().to_vec(), view.data().to_vec()));
+        let part =
+            |(name, view): (String, TensorView)| (name, (view.dtype(), view.shape().to_vec(), view.data().to_vec()));
         file.parts = tensors.tensors().into_iter().map(part).collect();
         file.words = words;
         Ok(file)
@@ -82,7 +86,13 @@ impl Tensors {
     }
 
     /// Reads an array of type `kind`; checks its length against `length`, if given.
-    fn numbers<const N: usize, T>(&self, name: &str, kind: Dtype, length: Option<usize>, read: fn([u8; N]) -> T) -> Result<Vec<T>> {
+    fn numbers<const N: usize, T>(
+        &self,
+        name: &str,
+        kind: Dtype,
+        length: Option<usize>,
+        read: fn([u8; N]) -> T,
+    ) -> Result<Vec<T>> {
         let (dtype, shape, bytes) = self.parts.get(name).ok_or_else(|| self.wrong(format!("no `{name}`")))?;
         if *dtype != kind || length.is_some_and(|n| n != shape.iter().product::<usize>()) {
             return Err(self.wrong(format!("`{name}` is {dtype:?} {shape:?}, expected {kind:?} {length:?}")));
@@ -103,6 +113,10 @@ impl Tensors {
     }
 
     pub fn network(&self, tensors: &[TensorSpec]) -> Result<Vec<f32>> {
-        Ok(tensors.iter().map(|tensor| self.f32(&tensor.name, Some(tensor.len()))).collect::<Result<Vec<_>>>()?.concat())
+        Ok(tensors
+            .iter()
+            .map(|tensor| self.f32(&tensor.name, Some(tensor.len())))
+            .collect::<Result<Vec<_>>>()?
+            .concat())
     }
 }

@@ -127,7 +127,13 @@ impl Trainer {
         // A new run in an old folder starts without a best.
         let best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
         let losses = validations(&self.folder);
-        Ok(Lead { metrics, bar: bar_from("updates", first, self.config.updates), best, losses, logged: (first, Instant::now()) })
+        Ok(Lead {
+            metrics,
+            bar: bar_from("updates", first, self.config.updates),
+            best,
+            losses,
+            logged: (first, Instant::now()),
+        })
     }
 
     fn validate(&self, lead: &mut Lead, learner: &mut dyn Learner, step: u64, hook: &mut Hook) -> Result<()> {
@@ -141,7 +147,13 @@ impl Trainer {
         }
         lead.losses.extend(loss.is_finite().then_some((step, loss)));
         let risen = rise(&lead.losses);
-        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better, risen: risen.map(|(count, _)| count) })?;
+        lead.metrics.write(&Line::Validation {
+            step,
+            loss,
+            criterion,
+            best: better,
+            risen: risen.map(|(count, _)| count),
+        })?;
         let star = if better { ", best so far" } else { "" };
         lead.bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
         if let Some((count, (first, least))) = risen {
@@ -174,7 +186,13 @@ impl Trainer {
 }
 
 impl Lead {
-    fn log(&mut self, step: u64, Progress { loss, gradient_norm }: Progress, learning_rate: f64, batch: usize) -> Result<()> {
+    fn log(
+        &mut self,
+        step: u64,
+        Progress { loss, gradient_norm }: Progress,
+        learning_rate: f64,
+        batch: usize,
+    ) -> Result<()> {
         let (first, since) = self.logged;
         let windows_per_second = (step - first) as f64 * batch as f64 / since.elapsed().as_secs_f64();
         self.metrics.write(&Line::Train { step, loss, gradient_norm, learning_rate, windows_per_second })?;
@@ -189,8 +207,9 @@ impl Lead {
 fn validations(folder: &Path) -> Vec<(u64, f32)> {
     let text = nerd_sim::files::read_record(&folder.join("metrics.jsonl")).unwrap_or_default();
     let lines = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
-    let validation =
-        |line: serde_json::Value| Some((line["step"].as_u64()?, line["loss"].as_f64()? as f32)).filter(|_| line["kind"] == "validation");
+    let validation = |line: serde_json::Value| {
+        Some((line["step"].as_u64()?, line["loss"].as_f64()? as f32)).filter(|_| line["kind"] == "validation")
+    };
     lines.filter_map(validation).collect()
 }
 

@@ -59,7 +59,9 @@ impl Windows {
         if other == own && last <= trajectories {
             return Ok(());
         }
-        Err(format!("fresh trajectories {first}..{last} of (inputs, outputs, frames, history) {other:?} among {trajectories} of {own:?}"))
+        Err(format!(
+            "fresh trajectories {first}..{last} of (inputs, outputs, frames, history) {other:?} among {trajectories} of {own:?}"
+        ))
     }
 
     fn shape(&self) -> [usize; 4] {

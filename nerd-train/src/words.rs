@@ -2,7 +2,8 @@
 
 /// Rows under a header, as an aligned Markdown table.
 pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
-    let width = |k: usize| rows.iter().map(|r| r[k].chars().count()).chain([header[k].chars().count()]).max().unwrap_or(0);
+    let width =
+        |k: usize| rows.iter().map(|r| r[k].chars().count()).chain([header[k].chars().count()]).max().unwrap_or(0);
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
     let line = |cells: Vec<&str>| {
         let cells = cells.iter().zip(&widths).map(|(c, w)| format!(" {c}{} ", " ".repeat(w - c.chars().count())));

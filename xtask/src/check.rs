@@ -15,7 +15,10 @@ const STEPS: [(&str, &str); 10] = [
     ("format", "fmt --all --check"),
     ("format of examples", "fmt --all --check --manifest-path examples/Cargo.toml"),
     ("clippy", "clippy --release --workspace --all-targets -- -D warnings"),
-    ("clippy with CUDA", "clippy --release --workspace --all-targets --features nerd-train/cuda,xtask/cuda,nerd-py/cuda -- -D warnings"),
+    (
+        "clippy with CUDA",
+        "clippy --release --workspace --all-targets --features nerd-train/cuda,xtask/cuda,nerd-py/cuda -- -D warnings",
+    ),
     ("documentation", "doc --release --workspace --no-deps"),
     ("core-only", OUTSIDE),
     ("sim-only", OUTSIDE),

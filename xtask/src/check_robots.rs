@@ -25,7 +25,10 @@ pub fn run(args: CheckRobotsArgs) -> Result<()> {
         files.extend(find(path).with_context(|| format!("cannot read {}", path.display()))?);
     }
     if files.is_empty() {
-        bail!("no .urdf or MJCF in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
+        bail!(
+            "no .urdf or MJCF in {}",
+            args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
+        );
     }
     let effort = files.len() as f64;
     let (name, (table, notes)) = match &args.mujoco {

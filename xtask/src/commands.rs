@@ -24,9 +24,12 @@ const VALUES: [(&str, &[&str]); 5] = [
 
 /// Adds the grouped help and the options shared by all verbs.
 pub fn prepare(program: Command) -> Command {
-    let about = |name: &str| program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string).unwrap_or_default();
+    let about = |name: &str| {
+        program.find_subcommand(name).and_then(Command::get_about).map(ToString::to_string).unwrap_or_default()
+    };
     let line = |name: &&str| format!("  {name:<12} {}\n", about(name));
-    let group = |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
+    let group =
+        |(title, verbs): &(&str, &[&str])| format!("{title}:\n{}\n", verbs.iter().map(line).collect::<String>());
     let end = "`cargo xtask VERB --help` explains a verb, docs/commands.md explains all. With --json, a verb prints its tables as JSON.";
     let groups = GROUPS.iter().map(group).collect::<String>() + end;
     let json = Arg::new("json").long("json").action(clap::ArgAction::SetTrue).global(true).hide(true);
@@ -106,7 +109,8 @@ fn valued(arg: &Arg) -> bool {
 
 /// An option as typed: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
-    let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
+    let names =
+        arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
     match arg.get_long() {
         Some(long) if valued(arg) => format!("--{long} {names}"),
         Some(long) => format!("--{long}"),
@@ -118,7 +122,8 @@ fn option(arg: &Arg) -> String {
 fn meaning(arg: &Arg) -> (String, String) {
     let help = arg.get_help().map(ToString::to_string).unwrap_or_default().replace('|', "\\|").replace('\n', " ");
     let said = help.strip_suffix(']').and_then(|text| text.rsplit_once(" [default: "));
-    let (help, mut default) = said.map_or((help.as_str(), String::new()), |(help, default)| (help, default.to_string()));
+    let (help, mut default) =
+        said.map_or((help.as_str(), String::new()), |(help, default)| (help, default.to_string()));
     if valued(arg) && !arg.get_default_values().is_empty() {
         default = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(" ");
     }

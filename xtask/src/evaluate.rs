@@ -1,5 +1,5 @@
-//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --trajectories 2048`: passive motion against the
-//! truth, for a model the truth that it learned ([`nerd_lab::experiments::passive`]).
+//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --trajectories 2048`: passive motion against
+//! the truth, for a model the truth that it learned ([`nerd_lab::experiments::passive`]).
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Recorded};
 use nerd_lab::page::motions;
@@ -66,7 +66,13 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))
 }
 
-fn recorded(solver: &SolverArgs, replay: Option<PathBuf>, asked: &Protocol, name: &str, out: Option<PathBuf>) -> Result<()> {
+fn recorded(
+    solver: &SolverArgs,
+    replay: Option<PathBuf>,
+    asked: &Protocol,
+    name: &str,
+    out: Option<PathBuf>,
+) -> Result<()> {
     let card = solver.device.is_some_and(Device::is_cuda);
     let others = SolverArgs { solver: None, model: None, device: solver.device.filter(|_| !card), ..solver.clone() };
     let other = solver.solver.is_some() && !solver.neural() || others != SolverArgs::default() || replay.is_some();

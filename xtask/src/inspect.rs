@@ -15,7 +15,8 @@ pub struct InspectArgs {
 /// Prints the specification as TOML, with the assumptions made and whether the robot stands.
 pub fn run(args: InspectArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
-    let (links, joints, points) = (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
+    let (links, joints, points) =
+        (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
     say!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.notes.iter().for_each(|note| say!("# {note}"));
     // A built-in robot's file exists and is complete; a cable's has the keys besides `[cable]`.
@@ -26,7 +27,8 @@ pub fn run(args: InspectArgs) -> Result<()> {
         say!("# [[joint]]: default (limits), gain, kp, kd, armature");
     }
     for (joint, own) in system.robot.joints().zip(system.joint_specs()) {
-        let limits = joint.limit.map_or("no limits".into(), |limit| format!("{:.3} to {:.3}", limit.lower, limit.upper));
+        let limits =
+            joint.limit.map_or("no limits".into(), |limit| format!("{:.3} to {:.3}", limit.lower, limit.upper));
         let gain = own.gain.unwrap_or(own.torque);
         say!("#   {}: {:.3} ({limits}), {gain}, {}, {}, {}", joint.name, own.default_q, own.kp, own.kd, joint.armature);
     }

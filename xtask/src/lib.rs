@@ -91,12 +91,17 @@ fn program() -> Command {
 fn parse(words: Vec<OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
     // Help says what was typed: `nerd`, `python -m nerd`, else `cargo xtask`.
-    if let Some(name) = words.first().and_then(|word| Path::new(word).file_stem()?.to_str()).filter(|name| name.ends_with("nerd")) {
+    if let Some(name) =
+        words.first().and_then(|word| Path::new(word).file_stem()?.to_str()).filter(|name| name.ends_with("nerd"))
+    {
         program = program.bin_name(name.to_string()).name(name.to_string());
     }
     // Results, checkpoints and pages store file names as text.
     if let Some(word) = words.iter().skip(1).find(|word| word.to_str().is_none()) {
-        let said = format!("`{}` is not UTF-8; rename the file or folder, or make a link to it with such a name", word.display());
+        let said = format!(
+            "`{}` is not UTF-8; rename the file or folder, or make a link to it with such a name",
+            word.display()
+        );
         return Err(program.error(ErrorKind::InvalidUtf8, said));
     }
     let matches = program.try_get_matches_from_mut(words)?;
@@ -134,7 +139,9 @@ fn spread(verb: Verb) -> Result<()> {
     let pool = rayon::ThreadPoolBuilder::new;
     // An error without a source means that the pool already exists.
     let Some(e) = pool().build_global().err().filter(|e| e.source().is_some()) else { return run(verb) };
-    tell!("note: no threads can be started ({e}): all is done on one; allow more (ulimit -u), or ask for fewer (RAYON_NUM_THREADS)");
+    tell!(
+        "note: no threads can be started ({e}): all is done on one; allow more (ulimit -u), or ask for fewer (RAYON_NUM_THREADS)"
+    );
     pool().num_threads(1).use_current_thread().build()?.install(|| run(verb))
 }
 
@@ -158,7 +165,9 @@ pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
             }
         },
         // Help, on request or without a verb.
-        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            error.exit()
+        }
         Err(error) => refuse(refusals::usage(&error), 2),
     }
 }

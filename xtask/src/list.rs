@@ -98,13 +98,15 @@ fn tasks() -> Result<Table> {
     let mut rows = Vec::new();
     for name in names() {
         let task = named(name)?;
-        let numbers =
-            [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()].map(|n| n.to_string());
+        let numbers = [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()]
+            .map(|n| n.to_string());
         rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
     // Sizes depend on the robot.
     rows.extend(
-        general().into_iter().map(|name| [&[name, "any (--robot)"], &["-"; 5][..]].concat().into_iter().map(String::from).collect()),
+        general()
+            .into_iter()
+            .map(|name| [&[name, "any (--robot)"], &["-"; 5][..]].concat().into_iter().map(String::from).collect()),
     );
     Ok(Table::new("tasks", &["task", "robot", "scene", "observation", "action", "steps", "frames a step"]).with(rows))
 }
@@ -115,7 +117,11 @@ fn models() -> Result<Table> {
         let Ok(model) = ModelConfig::read(&folder) else { continue };
         let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
         rows.push(
-            [&[from_root(&folder), model.robot.clone(), model.truth.clone(), title(&SolverSpec::neural(&folder))?], &numbers[..]].concat(),
+            [
+                &[from_root(&folder), model.robot.clone(), model.truth.clone(), title(&SolverSpec::neural(&folder))?],
+                &numbers[..],
+            ]
+            .concat(),
         );
     }
     Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
@@ -123,6 +129,7 @@ fn models() -> Result<Table> {
 
 fn rows() -> Table {
     let suite = Suite::new();
-    let row = |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from).into();
+    let row =
+        |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from).into();
     Table::new("rows", &["row", "figure", "unit", "limit", "source", "why"]).with(suite.rows().iter().map(row))
 }

@@ -18,11 +18,15 @@ pub const MODELS: &[&str] = &["cpu", "cuda", "cuda-f32"];
 pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];
 
 /// Parses an option's value with the checks of a setting.
-pub fn value<T: DeserializeOwned>(values: Values) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
+pub fn value<T: DeserializeOwned>(
+    values: Values,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
     move |text| serde_json::from_value(values.parse(text)?).map_err(|e| e.to_string())
 }
 
-pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T> {
+pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
+    words: &'static [&'static str],
+) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
 }
 
@@ -30,13 +34,18 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
     let option = |key: &'static Key| {
         let name = key.name();
         let default = defaults.get(&name).filter(|v| v.is_number() || v.as_str().is_some_and(|s| !s.is_empty()));
-        let default = default.map(|value| format!(" [default: {}]", value.to_string().trim_matches('"'))).unwrap_or_default();
+        let default =
+            default.map(|value| format!(" [default: {}]", value.to_string().trim_matches('"'))).unwrap_or_default();
         let arg = Arg::new(name.clone()).long(name).help(format!("{}{default}", key.help())).value_name(key.wanted());
         let arg = if key.heading.is_empty() { arg } else { arg.help_heading(key.heading) };
         let values = key.values.clone();
         match key.values {
             Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
-            Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<Value>(values)),
+            Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<
+                Value,
+            >(
+                values
+            )),
             Values::Texts | Values::Read(_) => arg.value_parser(value::<Value>(values)).action(ArgAction::Append),
             _ => arg.value_parser(value::<Value>(values)),
         }
@@ -48,7 +57,9 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
 pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     let one = |key: &Key| {
         let name = key.name();
-        let all = matches.get_many::<Value>(&name).filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
+        let all = matches
+            .get_many::<Value>(&name)
+            .filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
         // A repeated list option appends.
         let join = |mut first: Value, next: Value| match (&mut first, next) {
             (Value::Array(first), Value::Array(mut next)) => {

@@ -69,7 +69,10 @@ pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
 /// Prints the kept tables. An error if output was lost, except to a closed pipe.
 pub fn finish() -> Result<()> {
     if let Some(tables) = TABLES.get() {
-        write(format_args!("{:#}", serde_json::Value::Object(tables.lock().unwrap_or_else(PoisonError::into_inner).clone())));
+        write(format_args!(
+            "{:#}",
+            serde_json::Value::Object(tables.lock().unwrap_or_else(PoisonError::into_inner).clone())
+        ));
     }
     match LOST.get() {
         Some(error) => bail!("standard output: {error}; files are written all the same"),

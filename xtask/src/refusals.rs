@@ -9,7 +9,10 @@ pub fn end(words: &str, code: u8) -> u8 {
 /// clap's message without its usage.
 pub fn usage(error: &clap::Error) -> String {
     let text = error.to_string();
-    let words = text.lines().take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more")).flat_map(str::split_whitespace);
+    let words = text
+        .lines()
+        .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"))
+        .flat_map(str::split_whitespace);
     words.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").into()
 }
 
@@ -17,7 +20,10 @@ pub fn usage(error: &clap::Error) -> String {
 /// omitted.
 pub fn failure(error: &anyhow::Error) -> String {
     const MOST: usize = 2000;
-    let words = error.chain().map(ToString::to_string).reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
+    let words = error
+        .chain()
+        .map(ToString::to_string)
+        .reduce(|all, cause| if all.contains(&cause) { all } else { all + ": " + &cause });
     let words = words.unwrap_or_default().replace('\n', " ");
     let n = words.chars().count();
     if n <= MOST {

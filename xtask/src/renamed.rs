@@ -6,7 +6,10 @@ const TABLE: &str = include_str!("renamed.txt");
 
 /// Rows of the table: verb, old name, new name.
 fn rows() -> impl Iterator<Item = [&'static str; 3]> {
-    TABLE.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').collect::<Vec<_>>().try_into().ok())
+    TABLE
+        .lines()
+        .filter(|line| !line.starts_with('#'))
+        .filter_map(|line| line.split(' ').collect::<Vec<_>>().try_into().ok())
 }
 
 /// Replaces old names in a command line. Returns one line that names what was replaced, if anything was.
@@ -55,7 +58,9 @@ fn option(line: &mut Vec<OsString>, at: usize, verb: &str) -> Option<String> {
         line[at] = new.into();
         line.drain(at + 1..at + 1 + usize::from(value.is_none()));
         // The engine, named beside its old settings, is in the new text.
-        let engine = line.windows(2).position(|pair| new.starts_with("--solver=") && pair[0] == "--solver" && pair[1] == "articulated");
+        let engine = line
+            .windows(2)
+            .position(|pair| new.starts_with("--solver=") && pair[0] == "--solver" && pair[1] == "articulated");
         if let Some(at) = engine {
             line.drain(at..at + 2);
         }
@@ -81,8 +86,14 @@ mod tests {
         for (old, new) in [
             ("nerd policy evaluate --games=3 --fresh 1,2", "nerd policy evaluate --episodes=3 --fresh-seeds 1,2"),
             ("nerd --json policy carry --games 3", "nerd --json policy sim-to-sim --episodes 3"),
-            ("nerd evaluate --robot ant --starts 2 --drive 1", "nerd evaluate --robot ant --trajectories 2 --torque-scale 1"),
-            ("nerd rollout --solver articulated --preset paper --frames 3", "nerd rollout --solver=articulated(method=paper) --frames 3"),
+            (
+                "nerd evaluate --robot ant --starts 2 --drive 1",
+                "nerd evaluate --robot ant --trajectories 2 --torque-scale 1",
+            ),
+            (
+                "nerd rollout --solver articulated --preset paper --frames 3",
+                "nerd rollout --solver=articulated(method=paper) --frames 3",
+            ),
             ("nerd urdf f --out --", "nerd check-robots f --out --"),
         ] {
             let (line, note) = replaced(old);

@@ -51,7 +51,10 @@ fn list(manifest: &Manifest) -> Result<()> {
         rows.push(vec![entry.name.clone(), status, entry.about.clone(), format!("cargo xtask {}", entry.command)]);
     }
     rows.extend(
-        manifest.strangers(&results()).into_iter().map(|name| vec![name, "not in the manifest".into(), String::new(), String::new()]),
+        manifest
+            .strangers(&results())
+            .into_iter()
+            .map(|name| vec![name, "not in the manifest".into(), String::new(), String::new()]),
     );
     crate::out::table(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows));
     Ok(())
@@ -70,7 +73,10 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
     wrong.extend(fill(reference, false)?);
     match wrong.is_empty() {
         true => {
-            say!("{} results hold, the models are worth their networks, and the documents say so", manifest.artefact.len());
+            say!(
+                "{} results hold, the models are worth their networks, and the documents say so",
+                manifest.artefact.len()
+            );
             Ok(())
         }
         false => bail!("{}", wrong.join("; ")),

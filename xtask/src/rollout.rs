@@ -1,5 +1,5 @@
-//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated(substeps=128) --states FILE.csv --frames 100 --out
-//! OUT.csv`. [`TABLES`] describes the files.
+//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated(substeps=128) --states FILE.csv --frames
+//! 100 --out OUT.csv`. [`TABLES`] describes the files.
 
 use nerd_sim::{
     files::replaceable,
@@ -80,7 +80,10 @@ fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
     let (steps, n) = (args.frames.unwrap_or_else(|| file.frames()), file.trajectories.len());
     if args.frames.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
-        bail!("{name}: {n} trajectories to step {steps}, but only {} rows; say with --frames if so many frames are wanted", file.rows());
+        bail!(
+            "{name}: {n} trajectories to step {steps}, but only {} rows; say with --frames if so many frames are wanted",
+            file.rows()
+        );
     }
     if steps == 0 {
         bail!("{name}: there are starts alone, no row after step 0; say with --frames how many frames are wanted");

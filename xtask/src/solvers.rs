@@ -54,7 +54,9 @@ impl SolverArgs {
                 own.device = self.device(own.device)?;
                 own.substeps = self.steps(own.substeps)?.or(own.substeps);
                 if own.method == Method::Paper {
-                    Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow::anyhow!("method=paper: {e}"))?;
+                    Truth::Paper
+                        .check(&system.robot, system.spec.self_collision)
+                        .map_err(|e| anyhow::anyhow!("method=paper: {e}"))?;
                 }
             }
             SolverSpec::Rapier(own) => {
@@ -93,7 +95,9 @@ impl SolverArgs {
     /// The number of --substeps, unless the text names another.
     fn steps(&self, named: Option<usize>) -> Result<Option<usize>> {
         match (self.substeps, named) {
-            (Some(asked), Some(own)) if asked != own => anyhow::bail!("--substeps {asked}: --solver says {own}; leave one out"),
+            (Some(asked), Some(own)) if asked != own => {
+                anyhow::bail!("--substeps {asked}: --solver says {own}; leave one out")
+            }
             (asked, _) => Ok(asked),
         }
     }
@@ -101,7 +105,9 @@ impl SolverArgs {
     /// The device of --device, or of the text.
     fn device(&self, own: Device) -> Result<Device> {
         match self.device {
-            Some(asked) if own != Device::Cpu && own != asked => anyhow::bail!("--device {asked}: --solver says {own}; leave one out"),
+            Some(asked) if own != Device::Cpu && own != asked => {
+                anyhow::bail!("--device {asked}: --solver says {own}; leave one out")
+            }
             asked => Ok(asked.unwrap_or(own)),
         }
     }

@@ -19,6 +19,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for _ in 0..100 {
         simulation.step(&torques)?;
     }
-    println!("{} in {} after {:.2} s: {:.3?}", system.name, scene.name, 100.0 * system.frame_time, simulation.batch.state(0));
+    println!(
+        "{} in {} after {:.2} s: {:.3?}",
+        system.name,
+        scene.name,
+        100.0 * system.frame_time,
+        simulation.batch.state(0)
+    );
     Ok(())
 }

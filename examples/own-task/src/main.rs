@@ -63,12 +63,22 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let (policy, reward) = trainer.best();
     let (folder, iterations) = (Path::new("out/balance"), ppo.iterations);
-    let (task, solver, shape, provenance) = (Balance.name().into(), Truth::Articulated.name(), policy.shape.clone(), BTreeMap::new());
-    save(folder, &PolicyConfig { task, solver, shape, ppo, iterations, reward, provenance }, policy, "# A policy of `balance`\n")?;
+    let (task, solver, shape, provenance) =
+        (Balance.name().into(), Truth::Articulated.name(), policy.shape.clone(), BTreeMap::new());
+    save(
+        folder,
+        &PolicyConfig { task, solver, shape, ppo, iterations, reward, provenance },
+        policy,
+        "# A policy of `balance`\n",
+    )?;
 
     let (_, policy) = load_for(folder, &Balance)?;
     let games = play(&policy, &mut episodes(64, 1)?, &mut |_| ())?;
-    println!("{}: {:.1} of 200 steps upright in 64 new episodes", folder.display(), games.iter().map(|g| g.length).sum::<f64>() / 64.0);
+    println!(
+        "{}: {:.1} of 200 steps upright in 64 new episodes",
+        folder.display(),
+        games.iter().map(|g| g.length).sum::<f64>() / 64.0
+    );
 
     let (page, _) = replay::episode(&policy, &mut episodes(1, 2)?, "balance")?;
     std::fs::write(folder.join("replay.html"), page.html())?;

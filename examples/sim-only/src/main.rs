@@ -37,8 +37,11 @@ impl Solver for Euler {
 
 fn main() {
     let own = |substeps: usize| move |_: &Arc<System>| Box::new(Euler(substeps)) as Box<dyn Solver>;
-    let ours = |_: &Arc<System>| Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) as Box<dyn Solver>;
-    let euler = [4, 64].map(|substeps| Method::new(format!("Euler x{substeps}"), own(substeps)).finer(own(4 * substeps)));
+    let ours = |_: &Arc<System>| {
+        Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) as Box<dyn Solver>
+    };
+    let euler =
+        [4, 64].map(|substeps| Method::new(format!("Euler x{substeps}"), own(substeps)).finer(own(4 * substeps)));
     let methods = euler.into_iter().chain([Method::new("articulated", ours)]).collect::<Vec<_>>();
     let words: Vec<String> = std::env::args().skip(1).collect();
     let suite = Suite::new().only(&words).unwrap_or_else(|error| {
@@ -46,7 +49,12 @@ fn main() {
         std::process::exit(2)
     });
     let lines = suite.run(&methods, |_done| ());
-    println!("{:<26} {:>9}   {}figure", "row", "limit", methods.iter().map(|m| format!("{:<20}", m.name)).collect::<String>());
+    println!(
+        "{:<26} {:>9}   {}figure",
+        "row",
+        "limit",
+        methods.iter().map(|m| format!("{:<20}", m.name)).collect::<String>()
+    );
     for line in &lines {
         let cells = line.cells.iter().map(|cell| format!("{cell:<20}"));
         println!("{:<26} {:>9.1e}   {}{}", line.row, line.limit, cells.collect::<String>(), line.asked());

@@ -45,7 +45,14 @@ pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]
 
 /// Adjoint of [`motions`]: adds the gradient with respect to the rates to `out[nv]`, and with respect to link
 /// displacements to `loads[link]`. `by[link]` are the gradients with respect to the motions; they end as subtree sums.
-pub fn motions_back(robot: &Robot, data: &Data, rates: &[f64], by: &mut [Wrench], loads: &mut [Wrench], out: &mut [f64]) {
+pub fn motions_back(
+    robot: &Robot,
+    data: &Data,
+    rates: &[f64],
+    by: &mut [Wrench],
+    loads: &mut [Wrench],
+    out: &mut [f64],
+) {
     onto(robot, data, by, out);
     for (i, _) in robot.links.iter().enumerate().filter(|(_, link)| link.joint.is_some()) {
         loads[i] += data.axis[i].cross_wrench(&(by[i] * rates[data.dof[i]]));
@@ -128,7 +135,8 @@ impl Adjoint {
             self.by_virtual[0] = self.by_virtual[0] - drag(robot, v, x);
             self.by_velocity[0] = self.by_velocity[0] - drag(robot, l, x);
             // The damping acts at the root's position, which moves relative to the common origin.
-            loads[0] = loads[0] - Wrench::force_at((v.at(x).cross(&l.ang) + l.at(x).cross(&v.ang)) * robot.free.damping, x);
+            loads[0] =
+                loads[0] - Wrench::force_at((v.at(x).cross(&l.ang) + l.at(x).cross(&v.ang)) * robot.free.damping, x);
         }
     }
 
@@ -144,7 +152,8 @@ impl Adjoint {
     ) -> Vector3<f64> {
         motions_back(robot, data, virtual_rates, &mut self.by_virtual, loads, &mut self.unused);
         motions_back(robot, data, qdd, &mut self.by_quickened, loads, &mut self.unused);
-        let lift = (0..robot.links.len()).filter_map(|i| lifted(robot, data, i).map(|(x, mass)| self.virtuals[i].at(&x) * mass));
+        let lift = (0..robot.links.len())
+            .filter_map(|i| lifted(robot, data, i).map(|(x, mass)| self.virtuals[i].at(&x) * mass));
         let mut base: Vector3<f64> = lift.sum();
         // Adjoint of A_i = A_p + V_i x S_i qd_i.
         for (i, link) in robot.links.iter().enumerate().rev() {

@@ -21,8 +21,8 @@ pub fn crba(robot: &Robot, data: &mut Data) {
         let inertia = data.composite[j];
         let momentum = inertia.apply(&data.axis[j]);
         let row = data.dof[j];
-        data.mass[(row, row)] +=
-            data.axis[j].dot(&momentum) + link.joint.as_ref().map_or(0.0, |joint| joint.ratio().powi(2) * joint.armature);
+        data.mass[(row, row)] += data.axis[j].dot(&momentum)
+            + link.joint.as_ref().map_or(0.0, |joint| joint.ratio().powi(2) * joint.armature);
         let mut ancestor = link.parent;
         while let Some(i) = ancestor {
             if robot.links[i].joint.is_some() {

@@ -63,10 +63,16 @@ impl Derivatives {
         let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
         let point = |i: usize| {
             let PointMass { mass, at } = robot.links[i].lifted;
-            SpatialInertia::of(&BodyInertia { mass, com: at, inertia: Matrix3::zeros() }, &data.rotation[i], &data.position[i]).matrix()
+            SpatialInertia::of(
+                &BodyInertia { mass, com: at, inertia: Matrix3::zeros() },
+                &data.rotation[i],
+                &data.position[i],
+            )
+            .matrix()
         };
         let mut lifted: Vec<Matrix6<f64>> = (0..n).map(point).collect();
-        let mut b: Vec<Matrix6<f64>> = (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
+        let mut b: Vec<Matrix6<f64>> =
+            (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
         let mut force: Vec<Wrench> = (0..n)
             .map(|i| {
                 let (own, v) = (&data.inertia[i], &data.velocity[i]);
@@ -86,7 +92,8 @@ impl Derivatives {
             }
         }
         let column = |i: usize| {
-            let (v, a) = robot.links[i].parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
+            let (v, a) =
+                robot.links[i].parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
             let axis = data.axis[i];
             let first = v.cross(&axis);
             Column { dof: data.dof[i], link: i, axis, first, second: a.cross(&axis) + v.cross(&first) }
@@ -113,12 +120,15 @@ impl Derivatives {
             let raised = lifted[i] * own;
             let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
             // Every column of this joint and its ancestors.
-            let of = |link: usize| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] };
+            let of = |link: usize| {
+                if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] }
+            };
             for up in robot.ancestors(i).flat_map(of) {
                 let (si, sj) = (low.dof, up.dof);
-                self.q[(si, sj)] +=
-                    turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) + raised.dot(&rise.cross(&up.axis).vector())
-                        - up.axis.cross(&low.axis).dot(&pushed[i]);
+                self.q[(si, sj)] += turned.dot(&up.first.vector())
+                    + down.dot(&up.second.vector())
+                    + raised.dot(&rise.cross(&up.axis).vector())
+                    - up.axis.cross(&low.axis).dot(&pushed[i]);
                 self.qd[(si, sj)] += turned.dot(&up.axis.vector()) + 2.0 * down.dot(&up.first.vector());
                 if up.link != i {
                     self.q[(sj, si)] += up.axis.vector().dot(&below);

@@ -95,7 +95,8 @@ impl Factor {
     /// As `Self::fault`, at the DoF where another factorisation failed.
     pub fn fault_at(&self, robot: &Robot, lost: Option<usize>) -> String {
         let joint = lost.unwrap_or(self.lost).checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
-        let place = joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
+        let place =
+            joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 

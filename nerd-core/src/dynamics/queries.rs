@@ -27,7 +27,13 @@ impl Data {
     }
 
     /// Bias forces `c(q, qd)`, `[nv]`: gravity, Coriolis and centrifugal terms, less external wrenches.
-    pub fn bias(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, gravity: &Vector3<f64>) -> &DVector<f64> {
+    pub fn bias(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        gravity: &Vector3<f64>,
+    ) -> &DVector<f64> {
         self.torques(robot, q, Some(qd.0.as_ref()), None, gravity)
     }
 
@@ -119,13 +125,26 @@ impl Data {
 
     /// Kinematics at `q`. Panics on a wrong length, a bug in the calling program.
     pub(super) fn place(&mut self, robot: &Robot, q: &[f64]) {
-        assert!(q.len() >= robot.nq(), "q has {} numbers, robot `{}` has {} coordinates", q.len(), robot.name, robot.nq());
+        assert!(
+            q.len() >= robot.nq(),
+            "q has {} numbers, robot `{}` has {} coordinates",
+            q.len(),
+            robot.name,
+            robot.nq()
+        );
         assert!(self.tau.len() == robot.nv(), "this Data was made for another robot than `{}`", robot.name);
         kinematics(robot, q, self);
     }
 
     /// RNEA into `self.tau`; a missing velocity or acceleration counts as zero.
-    fn torques(&mut self, robot: &Robot, q: &[f64], qd: Option<&[f64]>, qdd: Option<&[f64]>, gravity: &Vector3<f64>) -> &DVector<f64> {
+    fn torques(
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: Option<&[f64]>,
+        qdd: Option<&[f64]>,
+        gravity: &Vector3<f64>,
+    ) -> &DVector<f64> {
         self.place(robot, q);
         let mut spatial = std::mem::replace(&mut self.qdd, DVector::zeros(0));
         match qdd {

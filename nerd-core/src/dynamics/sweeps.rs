@@ -81,8 +81,8 @@ impl TreeFactor {
         }
     }
 
-    /// Computes the inverse operational-space inertias `E_i` for [`TreeFactor::response`] and [`TreeFactor::inv_mass`], from
-    /// the root outward: `E_i = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`. Needs `TreeFactor::refill`.
+    /// Computes the inverse operational-space inertias `E_i` for [`TreeFactor::response`] and [`TreeFactor::inv_mass`],
+    /// from the root outward: `E_i = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`. Needs `TreeFactor::refill`.
     pub fn spread(&mut self, robot: &Robot, data: &Data) {
         let first = usize::from(robot.floating());
         if let Some(root) = &self.root {
@@ -93,7 +93,8 @@ impl TreeFactor {
             let above = robot.links[i].parent.map_or(Matrix6::zeros(), |p| self.inv_inertia[p]);
             // (1 - S U^T / D) E_p, then the same factor transposed from the right.
             let half = above - s * ((self.gain[i].transpose() * above) * inverse);
-            self.inv_inertia[i] = half - (half * self.gain[i]) * (s.transpose() * inverse) + s * (s.transpose() * inverse);
+            self.inv_inertia[i] =
+                half - (half * self.gain[i]) * (s.transpose() * inverse) + s * (s.transpose() * inverse);
         }
     }
 }

@@ -45,7 +45,8 @@ pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     }
     let com = moment / mass;
     momentum.ang -= com.cross(&momentum.lin);
-    let drives = robot.links.iter().zip(&data.dof).filter_map(|(link, k)| link.joint.as_ref().map(|j| (j, j.ratio() * qd[*k])));
+    let drives =
+        robot.links.iter().zip(&data.dof).filter_map(|(link, k)| link.joint.as_ref().map(|j| (j, j.ratio() * qd[*k])));
     kinetic += drives.map(|(joint, v)| 0.5 * joint.armature * v * v).sum::<f64>();
     Totals { mass, com: data.origin + com, momentum, lifted, kinetic }
 }

@@ -3,7 +3,10 @@
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 
-use super::{Body, BodyJoint, BodyJointKind, Form, Hull, Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, UrdfError, UrdfRobot};
+use super::{
+    Body, BodyJoint, BodyJointKind, Form, Hull, Joint, JointKind, Limit, Link, MeshFile, Robot, Shape, UrdfError,
+    UrdfRobot,
+};
 use crate::spatial::{BodyInertia, PointMass};
 
 /// Bound on mass (kg), centre of mass (m) and inertia (kg m^2) of a link, so that products of a few stay finite.
@@ -18,12 +21,16 @@ pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut
     }
     if let Some(least) = indefinite(&inertia) {
         // The lumped inertia may still be valid; `sound` checks it at the end.
-        read.notes.push(format!("link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)", source.name));
+        read.notes.push(format!(
+            "link `{}`: inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)",
+            source.name
+        ));
     }
     let place = pose * Translation3::from(com);
     let body = BodyInertia { com: Vector3::zeros(), ..source.inertia };
     let target = &mut read.robot.links[host];
-    target.inertia = target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
+    target.inertia =
+        target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
     target.lifted = target.lifted.with(&PointMass { mass: source.lifted * mass, at: place.translation.vector });
     let sum = &target.inertia;
     if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
@@ -35,7 +42,9 @@ pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut
 
 /// Adds the collision solids of a body, at `pose`, to moving link `host`; `None` is the fixed base.
 pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, read: &mut UrdfRobot) {
-    let mut still = |mesh: &str| read.notes.push(format!("link `{}`: {mesh} is on the fixed base; nothing touches it", source.name));
+    let mut still = |mesh: &str| {
+        read.notes.push(format!("link `{}`: {mesh} is on the fixed base; nothing touches it", source.name))
+    };
     for solid in &source.collisions {
         let (pose, surface) = (pose * solid.pose, solid.surface);
         match (&solid.form, host) {
@@ -46,7 +55,14 @@ pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, 
             (Form::Mesh { file, .. }, None) => still(&format!("mesh {file}")),
             (Form::Hull(_), None) => still("a mesh"),
             (Form::Mesh { file, scale }, Some(link)) => {
-                read.meshes.push(MeshFile { link, of: source.name.clone(), pose, file: file.clone(), scale: *scale, surface });
+                read.meshes.push(MeshFile {
+                    link,
+                    of: source.name.clone(),
+                    pose,
+                    file: file.clone(),
+                    scale: *scale,
+                    surface,
+                });
             }
             (Form::Hull(vertices), Some(link)) => {
                 let vertices = vertices.iter().map(|v| pose.transform_point(&(*v).into()).coords).collect();
@@ -74,13 +90,17 @@ pub(super) fn sound(robot: &Robot, notes: &mut Vec<String>) -> Result<(), UrdfEr
     };
     let odd: Vec<&str> = robot.links.iter().filter(odd).map(|link| link.name.as_str()).collect();
     if !odd.is_empty() {
-        notes.push(format!("no body has the inertia of {}: one principal moment is larger than the other two together", odd.join(", ")));
+        notes.push(format!(
+            "no body has the inertia of {}: one principal moment is larger than the other two together",
+            odd.join(", ")
+        ));
     }
     let bad = |link: &Link| indefinite(&link.inertia.inertia).map(|least| (link.name.clone(), least));
     match robot.links.iter().find_map(bad) {
-        Some((name, least)) => {
-            Err(UrdfError::link(&name, format!("inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)")))
-        }
+        Some((name, least)) => Err(UrdfError::link(
+            &name,
+            format!("inertia is not positive semi-definite (smallest eigenvalue {least:.3e} kg m^2)"),
+        )),
         None => Ok(()),
     }
 }
@@ -92,7 +112,8 @@ pub(super) fn joint(source: &BodyJoint, origin: Isometry3<f64>) -> Result<Joint,
         BodyJointKind::Continuous => JointKind::Continuous,
         BodyJointKind::Prismatic => JointKind::Prismatic,
         BodyJointKind::Floating | BodyJointKind::Fixed | BodyJointKind::Planar => {
-            let read = "a floating joint is read only between a root without mass or shape and the one link that hangs on it";
+            let read =
+                "a floating joint is read only between a root without mass or shape and the one link that hangs on it";
             return Err(UrdfError::joint(&source.name, read));
         }
     };

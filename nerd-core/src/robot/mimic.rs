@@ -11,7 +11,8 @@ const NARROWER: f64 = 1e-6;
 /// and limits go to the leader.
 pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) -> Result<(), UrdfError> {
     let UrdfRobot { robot, notes, .. } = read;
-    let joint = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
+    let joint =
+        |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
     let mut found = Vec::new();
     for (link, mimic) in &followers {
         let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
@@ -57,10 +58,15 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
         let [low, high] = leader.limit.map_or([-ENDLESS, ENDLESS], |limit| [limit.lower, limit.upper]);
         let [lower, upper] = [a.min(b).max(low), a.max(b).min(high)];
         if lower >= upper {
-            notes
-                .push(format!("joint `{}`: its limits leave no way to `{}`, which it follows, and are passed over", own.name, leader.name));
+            notes.push(format!(
+                "joint `{}`: its limits leave no way to `{}`, which it follows, and are passed over",
+                own.name, leader.name
+            ));
         } else if lower > low + NARROWER || upper < high - NARROWER {
-            notes.push(format!("joint `{}`: `{}`, which follows it, keeps it within {lower:.4}..{upper:.4}", leader.name, own.name));
+            notes.push(format!(
+                "joint `{}`: `{}`, which follows it, keeps it within {lower:.4}..{upper:.4}",
+                leader.name, own.name
+            ));
             leader.limit = Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 });
         }
     }

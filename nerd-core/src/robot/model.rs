@@ -48,14 +48,23 @@ pub struct Link {
 impl Link {
     /// A link without shapes, with its body frame at the link frame.
     pub fn new(name: impl Into<String>, parent: Option<usize>, joint: Option<Joint>, inertia: BodyInertia) -> Self {
-        Self { name: name.into(), parent, joint, inertia, lifted: PointMass::default(), shapes: Vec::new(), frame: Isometry3::identity() }
+        Self {
+            name: name.into(),
+            parent,
+            joint,
+            inertia,
+            lifted: PointMass::default(),
+            shapes: Vec::new(),
+            frame: Isometry3::identity(),
+        }
     }
 }
 
 impl Link {
     /// Adds `armature` to the inertia of each DoF of a floating root, without weight; a negative number removes it.
     pub fn arm(&mut self, armature: f64) {
-        let own = BodyInertia { mass: armature, com: Vector3::zeros(), inertia: Matrix3::from_diagonal_element(armature) };
+        let own =
+            BodyInertia { mass: armature, com: Vector3::zeros(), inertia: Matrix3::from_diagonal_element(armature) };
         self.inertia = self.inertia.welded(&own);
         self.lifted = self.lifted.with(&PointMass { mass: armature, at: Vector3::zeros() });
     }
@@ -105,7 +114,15 @@ impl Robot {
     /// A robot without links.
     pub fn new(name: impl Into<String>, base: Base) -> Self {
         let free = FreeRoot::default();
-        Self { name: name.into(), base, links: Vec::new(), free, contact_points: Vec::new(), frames: Vec::new(), followers: 0 }
+        Self {
+            name: name.into(),
+            base,
+            links: Vec::new(),
+            free,
+            contact_points: Vec::new(),
+            frames: Vec::new(),
+            followers: 0,
+        }
     }
 
     /// Makes a link's joint a mimic joint, or independent again. Coordinate indices refer to the final set of

@@ -36,7 +36,12 @@ impl Robot {
         let own = self.links.iter().enumerate().filter_map(|(link, l)| Some((link, l.joint.as_ref()?)));
         let (followers, moving): (Vec<_>, Vec<_>) = own.partition(|(_, joint)| joint.mimic().is_some());
         if let Some(joint) = moving.iter().position(|(_, joint)| joint.name == name) {
-            return Ok(JointIndex { joint, q: self.root_coords() + joint, qd: self.root_dofs() + joint, link: moving[joint].0 });
+            return Ok(JointIndex {
+                joint,
+                q: self.root_coords() + joint,
+                qd: self.root_dofs() + joint,
+                link: moving[joint].0,
+            });
         }
         let leader = |joint: &Joint| joint.mimic().map(|m| moving[m.coordinate].1.name.as_str());
         Err(match followers.iter().find(|(_, joint)| joint.name == name).and_then(|(_, joint)| leader(joint)) {
@@ -69,7 +74,11 @@ impl Robot {
             return Ok(FixedFrame { name: name.into(), link: Some(link), pose: self.links[link].frame });
         }
         let names = self.links.iter().map(|l| l.name.as_str()).chain(self.frames.iter().map(|f| f.name.as_str()));
-        self.frames.iter().find(|f| f.name == name).cloned().ok_or_else(|| self.unknown("link or frame", name, near(name, names)))
+        self.frames
+            .iter()
+            .find(|f| f.name == name)
+            .cloned()
+            .ok_or_else(|| self.unknown("link or frame", name, near(name, names)))
     }
 
     fn unknown(&self, kind: &'static str, name: &str, hint: String) -> UnknownName {
@@ -80,7 +89,8 @@ impl Robot {
 /// Known names similar to this one, or the first few of all.
 fn near<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
-    let alike = |k: &&&str| strsim::osa_distance(k, name) <= 2 || !name.is_empty() && (k.contains(name) || name.contains(**k));
+    let alike =
+        |k: &&&str| strsim::osa_distance(k, name) <= 2 || !name.is_empty() && (k.contains(name) || name.contains(**k));
     let close: Vec<&str> = known.iter().filter(alike).copied().collect();
     let (word, names) = if close.is_empty() { ("it has", known) } else { ("near are", close) };
     let quoted: Vec<String> = names.iter().take(LISTED).map(|n| format!("`{n}`")).collect();

@@ -13,7 +13,8 @@ pub(super) const TURN: &str = "turn";
 /// Refuses a file that gives another joint or link the name of a planar joint's part.
 pub(super) fn check_names(file: &Bodies) -> Result<(), UrdfError> {
     for planar in file.joints.iter().filter(|j| j.kind == BodyJointKind::Planar) {
-        let given = |of: &str, name: &str| name.strip_prefix(of).is_some_and(|ending| [".x", ".y", ".turn"].contains(&ending));
+        let given =
+            |of: &str, name: &str| name.strip_prefix(of).is_some_and(|ending| [".x", ".y", ".turn"].contains(&ending));
         let joint = file.joints.iter().map(|j| &j.name).find(|name| given(&planar.name, name));
         let child = file.bodies.get(planar.child).map_or("", |child| &child.name);
         if let Some(taken) = joint.or_else(|| file.bodies.iter().map(|l| &l.name).find(|name| given(child, name))) {
@@ -28,7 +29,13 @@ pub(super) fn check_names(file: &Bodies) -> Result<(), UrdfError> {
 
 /// The parts of a planar joint: two sliding links, to be added as links `next` and `next + 1`, and the hinge that
 /// carries `child`. `parent` is the moving link that carries the joint, and `origin` the joint's frame in it.
-pub(super) fn planar(source: &BodyJoint, child: &str, parent: Option<usize>, origin: Isometry3<f64>, next: usize) -> ([Link; 2], Joint) {
+pub(super) fn planar(
+    source: &BodyJoint,
+    child: &str,
+    parent: Option<usize>,
+    origin: Isometry3<f64>,
+    next: usize,
+) -> ([Link; 2], Joint) {
     // Axes x and y of the plane: the joint frame's, rotated so that z lies along the normal.
     let tilt = rotation_from(&Vector3::z_axis(), &source.axis);
     let part = |word: &str, kind: JointKind, at: Isometry3<f64>, axis: Unit<Vector3<f64>>| {
@@ -41,6 +48,7 @@ pub(super) fn planar(source: &BodyJoint, child: &str, parent: Option<usize>, ori
         Link::new(format!("{child}.{word}"), parent, joint, BodyInertia::default())
     };
     let same = Isometry3::identity();
-    let links = [slide("x", parent, origin, tilt * Vector3::x_axis()), slide("y", Some(next), same, tilt * Vector3::y_axis())];
+    let links =
+        [slide("x", parent, origin, tilt * Vector3::x_axis()), slide("y", Some(next), same, tilt * Vector3::y_axis())];
     (links, part(TURN, JointKind::Continuous, same, source.axis))
 }

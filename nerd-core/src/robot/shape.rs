@@ -46,7 +46,9 @@ impl Shape {
             }
             ShapeKind::Box { half } => {
                 let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
-                (0..8).map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), SHARP)).collect()
+                (0..8)
+                    .map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), SHARP))
+                    .collect()
             }
         };
         points.into_iter().map(|point| point.on(self.surface)).collect()

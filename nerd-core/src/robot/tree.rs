@@ -49,7 +49,8 @@ impl UrdfRobot {
             return Ok(read);
         }
         // The last of a planar joint's three joints carries the child link.
-        let own = |j: &BodyJoint| if j.kind == BodyJointKind::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
+        let own =
+            |j: &BodyJoint| if j.kind == BodyJointKind::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
         let (mut bodies, mut notes) = (bodies.clone(), Vec::new());
         for joint in bodies.joints.iter_mut().filter(|j| idle.contains(&own(j))) {
             joint.kind = BodyJointKind::Fixed;
@@ -70,7 +71,9 @@ fn idle(robot: &Robot) -> Vec<String> {
             carried[p] |= carried[i];
         }
     }
-    let idle = |dof: usize| dofs.iter().zip(links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried);
+    let idle = |dof: usize| {
+        dofs.iter().zip(links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried)
+    };
     let joints = links.iter().zip(&dofs).filter(|(_, dof)| idle(**dof));
     joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
 }
@@ -102,15 +105,18 @@ impl<'a> Tree<'a> {
         let name = |i: usize| &file.bodies[i].name;
         match roots[..] {
             [root] => match floating_root(&file.bodies[root], &children[root]) {
-                Some(joint) if !floating => {
-                    Err(UrdfError::joint(&joint.name, "it is floating, and makes the base free: write `floating = true`"))
-                }
+                Some(joint) if !floating => Err(UrdfError::joint(
+                    &joint.name,
+                    "it is floating, and makes the base free: write `floating = true`",
+                )),
                 Some(joint) => Ok(Self { file, root: joint.child, world: Some(root), children }),
                 None => Ok(Self { file, root, world: None, children }),
             },
             [] if count == 0 => Err(UrdfError::tree("there is no link at all")),
             [] => Err(UrdfError::tree("every link hangs on another (a cycle)")),
-            [a, b, ..] => Err(UrdfError::tree(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b)))),
+            [a, b, ..] => {
+                Err(UrdfError::tree(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b))))
+            }
         }
     }
 
@@ -145,11 +151,18 @@ impl<'a> Tree<'a> {
                 None => shapes(source, &pose, None, read),
             }
             for &joint in self.children[body].iter().rev() {
-                stack.push((joint.child, host, pose * joint.origin, (joint.kind != BodyJointKind::Fixed).then_some(joint)));
+                stack.push((
+                    joint.child,
+                    host,
+                    pose * joint.origin,
+                    (joint.kind != BodyJointKind::Fixed).then_some(joint),
+                ));
             }
         }
         match seen.iter().position(|s| !s) {
-            Some(lost) => Err(UrdfError::link(&self.file.bodies[lost].name, "hangs in a cycle of joints, apart from the root")),
+            Some(lost) => {
+                Err(UrdfError::link(&self.file.bodies[lost].name, "hangs in a cycle of joints, apart from the root"))
+            }
             None => follow(read, followers),
         }
     }

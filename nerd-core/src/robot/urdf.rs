@@ -27,7 +27,8 @@ impl Bodies {
         }
         // urdf-rs may panic on malformed text; user input must not.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
-        let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
+        let file =
+            parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
         let (mut index, mut names, mut notes) = (HashMap::new(), HashSet::new(), Vec::new());
         for (i, link) in file.links.iter().enumerate() {
             if index.insert(link.name.as_str(), i).is_some() {
@@ -38,17 +39,22 @@ impl Bodies {
             return Err(UrdfError::joint(&twice.name, "name used twice"));
         }
         let looks = looks.into_iter().chain(std::iter::repeat(Vec::new()));
-        let bodies = file.links.iter().zip(looks).map(|(link, visuals)| body(link, visuals)).collect::<Result<_, _>>()?;
+        let bodies =
+            file.links.iter().zip(looks).map(|(link, visuals)| body(link, visuals)).collect::<Result<_, _>>()?;
         let ends = |joint: &urdf_rs::Joint| {
             let find = |name: &str| index.get(name).copied();
-            let find = |name: &str| find(name).ok_or_else(|| UrdfError::joint(&joint.name, format!("unknown link `{name}`")));
+            let find =
+                |name: &str| find(name).ok_or_else(|| UrdfError::joint(&joint.name, format!("unknown link `{name}`")));
             Ok([find(&joint.parent.link)?, find(&joint.child.link)?])
         };
         let mut joints = Vec::new();
         for source in &file.joints {
             let mut joint = joint(source, ends(source)?, &mut notes)?;
             if let Some(away) = joint.mimic.take_if(|mimic| !names.contains(mimic.joint.as_str())) {
-                notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, away.joint));
+                notes.push(format!(
+                    "joint `{}`: <mimic> of `{}`, which is not there; it moves by itself",
+                    joint.name, away.joint
+                ));
             }
             joints.push(joint);
         }
@@ -79,7 +85,11 @@ fn body(source: &urdf_rs::Link, visuals: Vec<Solid>) -> Result<Body, UrdfError> 
     Ok(Body { name: source.name.clone(), frame: Isometry3::identity(), inertia, lifted: 0.0, collisions, visuals })
 }
 
-fn joint(source: &urdf_rs::Joint, [parent, child]: [usize; 2], notes: &mut Vec<String>) -> Result<BodyJoint, UrdfError> {
+fn joint(
+    source: &urdf_rs::Joint,
+    [parent, child]: [usize; 2],
+    notes: &mut Vec<String>,
+) -> Result<BodyJoint, UrdfError> {
     let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
     let kind = match source.joint_type {
         JointType::Fixed => BodyJointKind::Fixed,
@@ -88,10 +98,15 @@ fn joint(source: &urdf_rs::Joint, [parent, child]: [usize; 2], notes: &mut Vec<S
         JointType::Prismatic => BodyJointKind::Prismatic,
         JointType::Planar => BodyJointKind::Planar,
         JointType::Floating => BodyJointKind::Floating,
-        ref other => return Err(wrong(&format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints"))),
+        ref other => {
+            return Err(wrong(&format!(
+                "type {other:?} is not supported; write it as revolute, continuous or prismatic joints"
+            )));
+        }
     };
     let origin = isometry(&source.origin);
-    let mut joint = BodyJoint { kind, ..BodyJoint::fixed(source.name.clone(), [parent, child], origin.unwrap_or_default()) };
+    let mut joint =
+        BodyJoint { kind, ..BodyJoint::fixed(source.name.clone(), [parent, child], origin.unwrap_or_default()) };
     if kind == BodyJointKind::Floating {
         let said = source.origin.xyz.iter().chain(&*source.origin.rpy).any(|x| *x != 0.0) || source.dynamics.is_some();
         if said || source.mimic.is_some() {
@@ -116,13 +131,20 @@ fn joint(source: &urdf_rs::Joint, [parent, child]: [usize; 2], notes: &mut Vec<S
             return Err(wrong("a planar joint has three coordinates, and none of them can follow by <mimic>"));
         }
         if [limit.lower, limit.upper, limit.effort, limit.velocity].iter().any(|x| *x != 0.0) {
-            notes.push(format!("joint `{}`: <limit> is passed over, since a planar joint has three coordinates", source.name));
+            notes.push(format!(
+                "joint `{}`: <limit> is passed over, since a planar joint has three coordinates",
+                source.name
+            ));
         }
         return Ok(joint);
     }
-    [joint.effort, joint.velocity] = [limit.effort, limit.velocity].map(|x| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
-    let mimic =
-        |m: &urdf_rs::Mimic| BodyMimic { joint: m.joint.clone(), multiplier: m.multiplier.unwrap_or(1.0), offset: m.offset.unwrap_or(0.0) };
+    [joint.effort, joint.velocity] =
+        [limit.effort, limit.velocity].map(|x| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
+    let mimic = |m: &urdf_rs::Mimic| BodyMimic {
+        joint: m.joint.clone(),
+        multiplier: m.multiplier.unwrap_or(1.0),
+        offset: m.offset.unwrap_or(0.0),
+    };
     joint.mimic = source.mimic.as_ref().map(mimic);
     if kind != BodyJointKind::Continuous {
         joint.range = range(source, notes)?;
@@ -153,14 +175,19 @@ fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64
 fn axis(source: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, UrdfError> {
     let axis = Vector3::from(*source.axis.xyz);
     let usable = (1e-9..1e9).contains(&axis.norm());
-    Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| UrdfError::joint(&source.name, "axis has no direction or is not finite"))
+    Unit::try_new(axis, 0.0)
+        .filter(|_| usable)
+        .ok_or_else(|| UrdfError::joint(&source.name, "axis has no direction or is not finite"))
 }
 
 fn losses(source: &urdf_rs::Joint) -> Result<(f64, f64), UrdfError> {
     let Some(dynamics) = &source.dynamics else { return Ok((0.0, 0.0)) };
     for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
         if !(0.0..=FAR).contains(&value) {
-            return Err(UrdfError::joint(&source.name, format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed")));
+            return Err(UrdfError::joint(
+                &source.name,
+                format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed"),
+            ));
         }
     }
     Ok((dynamics.damping, dynamics.friction))
@@ -183,7 +210,9 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
     match *kind {
         ShapeKind::Sphere { radius } => [radius, radius, radius],
         ShapeKind::Box { half } => half.into(),
-        ShapeKind::Cylinder { radius, half_length } | ShapeKind::Capsule { radius, half_length } => [radius, half_length, radius],
+        ShapeKind::Cylinder { radius, half_length } | ShapeKind::Capsule { radius, half_length } => {
+            [radius, half_length, radius]
+        }
     }
 }
 
@@ -191,5 +220,6 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
 fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
     let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
     let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= FAR);
-    finite.then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
+    finite
+        .then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }

@@ -35,7 +35,9 @@ impl Looks {
         match inner[1..] {
             ["origin"] => _ = visual.origin.get_or_insert_with(|| origin(attributes)),
             ["geometry"] => visual.geometries += 1,
-            ["geometry", kind] if visual.geometries == 1 => _ = visual.form.get_or_insert_with(|| form(kind, attributes)),
+            ["geometry", kind] if visual.geometries == 1 => {
+                _ = visual.form.get_or_insert_with(|| form(kind, attributes))
+            }
             _ => {}
         }
     }
@@ -43,7 +45,11 @@ impl Looks {
     /// The visual solids, `[link][visual]`.
     pub fn solids(self) -> Vec<Vec<Solid>> {
         let solid = |visual: Visual| {
-            Some(Solid { pose: visual.origin.unwrap_or(Some(Isometry3::identity()))?, form: visual.form??, surface: None })
+            Some(Solid {
+                pose: visual.origin.unwrap_or(Some(Isometry3::identity()))?,
+                form: visual.form??,
+                surface: None,
+            })
         };
         self.0.into_iter().map(|link| link.into_iter().filter_map(solid).collect()).collect()
     }

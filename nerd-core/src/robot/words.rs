@@ -98,7 +98,9 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     }
     // The lower triangle of an inertia repeats the upper one.
     for (twin, key) in [("iyx", "ixy"), ("izx", "ixz"), ("izy", "iyz")].into_iter().filter(|_| *element == "inertia") {
-        let of = |key: &str| attributes.iter().find(|(name, _)| name == key).and_then(|(_, value)| value.trim().parse::<f64>().ok());
+        let of = |key: &str| {
+            attributes.iter().find(|(name, _)| name == key).and_then(|(_, value)| value.trim().parse::<f64>().ok())
+        };
         if let (Some(a), Some(b)) = (of(twin), of(key))
             && a != b
         {

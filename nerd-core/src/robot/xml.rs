@@ -34,7 +34,8 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
         let read = reader.read_event();
         let end = reader.buffer_position() as usize;
         let at = |place: usize| text.as_bytes()[..place.min(text.len())].iter().filter(|b| **b == b'\n').count() + 1;
-        let event = read.map_err(|e| UrdfError::text(&format!("line {}: {e}", at(reader.error_position() as usize))))?;
+        let event =
+            read.map_err(|e| UrdfError::text(&format!("line {}: {e}", at(reader.error_position() as usize))))?;
         let mut kept = unread.is_none().then(|| text.get(start..end).unwrap_or_default().to_owned());
         match &event {
             Event::Eof if !path.is_empty() => return Err(UrdfError::text("the text ends within an element")),
@@ -45,7 +46,8 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
                     return Err(refused(&path, at(start), &format!("elements nested more than {DEEPEST} deep")));
                 }
                 let (name, attributes) = (name(tag), attributes(tag));
-                let own = attributes.iter().find(|(key, _)| key == "name").map(|(_, own)| own.clone()).unwrap_or_default();
+                let own =
+                    attributes.iter().find(|(key, _)| key == "name").map(|(_, own)| own.clone()).unwrap_or_default();
                 if let Some(above) = path.last_mut() {
                     above.children.push(name.clone());
                 }
@@ -103,7 +105,8 @@ fn whole(path: &[Open]) -> Result<(), String> {
     match (above.name.as_str(), name.as_str()) {
         ("link", "inertial") if !has("mass") => Err("<inertial> has no <mass>".into()),
         ("link", "inertial") if !has("inertia") => {
-            Err("<inertial> has no <inertia>; a mass alone cannot turn; give its moments: ixx, iyy, izz (kg m^2)".into())
+            Err("<inertial> has no <inertia>; a mass alone cannot turn; give its moments: ixx, iyy, izz (kg m^2)"
+                .into())
         }
         ("collision", "geometry") if children.is_empty() => {
             Err("<geometry> is empty; give a box, cylinder, capsule, sphere or mesh".into())

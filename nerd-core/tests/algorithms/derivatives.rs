@@ -22,7 +22,13 @@ fn all() -> impl Iterator<Item = (Robot, Rng)> {
 type Velocity = LocalVelocity<Vec<f64>>;
 
 /// Largest relative error of `found` against central differences of `f`, along every tangent at q and every qd.
-fn off(robot: &Robot, found: &Derivatives, q: &[f64], qd: &Velocity, mut f: impl FnMut(&[f64], &Velocity) -> DVector<f64>) -> [f64; 2] {
+fn off(
+    robot: &Robot,
+    found: &Derivatives,
+    q: &[f64],
+    qd: &Velocity,
+    mut f: impl FnMut(&[f64], &Velocity) -> DVector<f64>,
+) -> [f64; 2] {
     let nv = robot.nv();
     let mut worst = [(0.0f64, 1.0f64); 2];
     for k in 0..nv {
@@ -50,10 +56,12 @@ fn derivatives_of_inverse_and_forward_dynamics() {
         let mut data = Data::new(&robot);
         push(&mut rng, &mut data);
         let found = data.inverse_derivatives(&robot, &q, &qd, &given, &GRAVITY);
-        let inverse = off(&robot, &found, &q, &qd, |q, qd| data.inverse_dynamics(&robot, q, qd, &given, &GRAVITY).clone());
+        let inverse =
+            off(&robot, &found, &q, &qd, |q, qd| data.inverse_dynamics(&robot, q, qd, &given, &GRAVITY).clone());
         let found = data.forward_derivatives(&robot, &q, &qd, &given, &GRAVITY).expect("inertia");
-        let forward =
-            off(&robot, &found, &q, &qd, |q, qd| data.forward_dynamics(&robot, q, qd, &given, &GRAVITY).expect("inertia").clone());
+        let forward = off(&robot, &found, &q, &qd, |q, qd| {
+            data.forward_dynamics(&robot, q, qd, &given, &GRAVITY).expect("inertia").clone()
+        });
         let what = format!("{} DoF, floating {}: by q and qd off", robot.nv(), robot.floating());
         assert!(inverse.iter().all(|x| *x < 1e-7), "inverse, {what} {inverse:?}");
         assert!(forward.iter().all(|x| *x < 1e-6), "forward, {what} {forward:?}");
@@ -73,7 +81,8 @@ fn jacobians_and_their_rates_in_both_axes() {
         let (q, qd) = state(&mut rng, &robot);
         let link = robot.links.len() - 1;
         robot.frames.push(FixedFrame { name: "tool".into(), link: Some(link), pose: pose(&mut rng, 0.3) });
-        let (tool, mut data, rates) = (robot.frame("tool").expect("a frame"), Data::new(&robot), DVector::from_column_slice(&qd.0));
+        let (tool, mut data, rates) =
+            (robot.frame("tool").expect("a frame"), Data::new(&robot), DVector::from_column_slice(&qd.0));
         let [ahead, behind] = [STEP, -STEP].map(|h| robot.pose(&moved(&robot, &q, &qd, h), &tool));
         let seen = went(ahead, behind, 2.0 * STEP);
         let own = robot.pose(&q, &tool).rotation.to_rotation_matrix().transpose();
@@ -83,7 +92,8 @@ fn jacobians_and_their_rates_in_both_axes() {
             assert!(apart < 1e-7, "{axes:?}: J qd is {apart:.1e} from how the tool moves");
             let mut at = |h: f64| data.jacobian(&robot, &moved(&robot, &q, &qd, h), &tool, axes).clone();
             let expected: DMatrix<f64> = (at(STEP) - at(-STEP)) / (2.0 * STEP);
-            let apart = (data.jacobian_rate(&robot, &q, &qd, &tool, axes) - &expected).amax() / expected.amax().max(1.0);
+            let apart =
+                (data.jacobian_rate(&robot, &q, &qd, &tool, axes) - &expected).amax() / expected.amax().max(1.0);
             assert!(apart < 1e-8, "{axes:?}: the rate of J is {apart:.1e} off");
         }
         let apart = (robot.velocity(&q, &qd, &tool).vector() - seen).amax();
@@ -137,7 +147,8 @@ fn gradients_by_numbers_are_those_of_the_tangent_space() {
             tangent::moved(&robot, &state, &change.iter().map(|x| x * h).collect::<Vec<_>>(), &mut out);
             out
         });
-        let along: f64 = by.iter().zip(ahead.iter().zip(&behind)).map(|(by, (a, b))| by * (a - b)).sum::<f64>() / (2.0 * STEP);
+        let along: f64 =
+            by.iter().zip(ahead.iter().zip(&behind)).map(|(by, (a, b))| by * (a - b)).sum::<f64>() / (2.0 * STEP);
         let wanted: f64 = gradient.iter().zip(&change).map(|(s, c)| s * c).sum();
         assert!((along - wanted).abs() < 1e-7 * (1.0 + wanted.abs()), "{nv} DoF: {along} and {wanted} along a change");
     }

@@ -25,9 +25,17 @@ fn mass_matrix_is_the_hessian_of_kinetic_energy() {
         };
         // T(e_i + e_i) = 4 T(e_i) = 2 M_ii, and T(e_i + e_j) - T(e_i) - T(e_j) = M_ij.
         let diagonal: Vec<f64> = (0..n).map(|i| at(i, i) / 2.0).collect();
-        let expected = DMatrix::from_fn(n, n, |i, j| if i == j { diagonal[i] } else { at(i, j) - 0.5 * (diagonal[i] + diagonal[j]) });
+        let expected =
+            DMatrix::from_fn(
+                n,
+                n,
+                |i, j| if i == j { diagonal[i] } else { at(i, j) - 0.5 * (diagonal[i] + diagonal[j]) },
+            );
         let off = gap(data.mass_matrix(&robot, &q).as_slice(), expected.as_slice());
-        assert!(off < 1e-10, "mass matrix differs from the Hessian of T by {off:.1e} of the largest entry, allowed 1e-10");
+        assert!(
+            off < 1e-10,
+            "mass matrix differs from the Hessian of T by {off:.1e} of the largest entry, allowed 1e-10"
+        );
     }
 }
 
@@ -54,13 +62,16 @@ fn energy_changes_by_the_work_of_the_torques_alone() {
         let qdd = data.forward_dynamics(&robot, &q, &qd, &tau, &GRAVITY).expect("inertia").clone();
         // A parabola through the state matches the true motion to third order.
         let [ahead, behind] = [H, -H].map(|h| {
-            let along = |part: f64| LocalVelocity(qd.0.iter().zip(qdd.iter()).map(|(v, a)| v + part * h * a).collect::<Vec<_>>());
+            let along = |part: f64| {
+                LocalVelocity(qd.0.iter().zip(qdd.iter()).map(|(v, a)| v + part * h * a).collect::<Vec<_>>())
+            };
             energies(&robot, &moved(&robot, &q, &along(0.5), h), &along(1.0), &mut data).iter().sum::<f64>()
         });
         let (gained, work) = ((ahead - behind) / (2.0 * H), qd.0.iter().zip(&tau).map(|(v, t)| v * t).sum::<f64>());
         // The power exchanged between kinetic and potential energy exceeds the torques' power, so it sets the scale.
         let mass = data.mass_matrix(&robot, &q).diagonal();
-        let scale = qdd.iter().zip(&qd.0).zip(mass.iter()).fold(work.abs().max(1.0), |m, ((a, v), _)| m.max((a * v).abs()));
+        let scale =
+            qdd.iter().zip(&qd.0).zip(mass.iter()).fold(work.abs().max(1.0), |m, ((a, v), _)| m.max((a * v).abs()));
         let off = (gained - work).abs() / scale;
         assert!(off < 1e-6, "energy and work differ by {off:.1e} of the power exchanged, allowed 1e-6");
     }

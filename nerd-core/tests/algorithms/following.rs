@@ -45,7 +45,12 @@ fn the_dynamics_are_those_of_all_joints_folded() {
         assert!(apart < 1e-8, "forward dynamics of {} coordinates: {apart:.1e} off", robot.nv());
         let a = totals(&robot, &whole(&robot, &q, &qd), &mut one);
         let b = totals(&all, &whole(&all, &q_all, &qd_all), &mut many);
-        assert!((a.kinetic - b.kinetic).abs() < 1e-10 * b.kinetic, "kinetic energy {} J, of all joints {} J", a.kinetic, b.kinetic);
+        assert!(
+            (a.kinetic - b.kinetic).abs() < 1e-10 * b.kinetic,
+            "kinetic energy {} J, of all joints {} J",
+            a.kinetic,
+            b.kinetic
+        );
     }
     assert!(followers > 40, "{followers} joints that follow");
 }

@@ -46,7 +46,10 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
             worst[2] = worst[2].max(gap(back.as_slice(), &tau));
         }
     }
-    assert!(worst.iter().all(|w| *w < BOUND), "ABA against dense, sparse and inverse dynamics: {worst:?}, allowed {BOUND:.0e}");
+    assert!(
+        worst.iter().all(|w| *w < BOUND),
+        "ABA against dense, sparse and inverse dynamics: {worst:?}, allowed {BOUND:.0e}"
+    );
 }
 
 /// Earlier calls at other coordinates change no result.
@@ -98,7 +101,8 @@ fn without_inertia_there_is_no_answer_but_a_name() {
         arm.links.iter_mut().chain(&mut free.links[..1]).for_each(|link| link.inertia = Default::default());
         arm.joints_mut().chain(free.joints_mut()).for_each(|j| j.armature = 0.0);
         let (q, qd) = state(&mut rng, &arm);
-        let error = Data::new(&arm).forward_dynamics(&arm, &q, &qd, &[0.0; 3], &GRAVITY).expect_err("no inertia").to_string();
+        let error =
+            Data::new(&arm).forward_dynamics(&arm, &q, &qd, &[0.0; 3], &GRAVITY).expect_err("no inertia").to_string();
         assert!(error.contains("joint2"), "{error}");
         if free.links.iter().filter(|l| l.parent == Some(0)).count() == 1 {
             let (mut data, mut factor) = (Data::new(&free), Factor::new(&free));

@@ -35,7 +35,8 @@ fn a_solution_along_the_tree_is_that_of_the_matrix() {
             };
             let links: Vec<Matrix6<f64>> = robot.links.iter().map(|_| stiff()).collect();
             let joints: Vec<f64> = values(&mut rng, robot.joint_count(), 1.0).iter().map(|x| x.abs() * scale).collect();
-            let press: Vec<Wrench> = robot.links.iter().map(|_| Wrench::from_slice(&values(&mut rng, 6, 1.0))).collect();
+            let press: Vec<Wrench> =
+                robot.links.iter().map(|_| Wrench::from_slice(&values(&mut rng, 6, 1.0))).collect();
             let tau = values(&mut rng, robot.nv(), 1.0);
             // Dense reference: M + sum J^T K J + diag e, and tau + sum J^T w.
             let (mut matrix, mut right) = (data.mass.clone(), DVector::from_column_slice(&tau));
@@ -55,7 +56,9 @@ fn a_solution_along_the_tree_is_that_of_the_matrix() {
             for (i, j) in moves.iter().enumerate() {
                 let (a, inv_mass) = (j * &x, j * &inverse * j.transpose());
                 worst[1] = worst[1].max((tree.acceleration(i).vector() - &a).amax() / (a.amax() + x.amax()));
-                worst[2] = worst[2].max((tree.response(i, &press[i]).vector() - &inv_mass * press[i].vector()).amax() / inv_mass.amax());
+                worst[2] = worst[2].max(
+                    (tree.response(i, &press[i]).vector() - &inv_mass * press[i].vector()).amax() / inv_mass.amax(),
+                );
                 if robot.links[i].joint.is_some() {
                     let k = data.dof[i];
                     worst[3] = worst[3].max((tree.inv_mass(&robot, i) / inverse[(k, k)] - 1.0).abs());

@@ -136,7 +136,8 @@ pub fn dense(mass: &DMatrix<f64>, rhs: &[f64]) -> Vec<f64> {
 pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
     let scale = b.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-    a.iter().zip(b).fold(0.0f64, |m, (x, y)| if x.is_nan() || y.is_nan() { f64::NAN } else { m.max((x - y).abs()) }) / scale
+    a.iter().zip(b).fold(0.0f64, |m, (x, y)| if x.is_nan() || y.is_nan() { f64::NAN } else { m.max((x - y).abs()) })
+        / scale
 }
 
 /// Rotation matrix `Rz Ry Rx`, written out.

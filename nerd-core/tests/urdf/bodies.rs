@@ -17,11 +17,14 @@ fn looks_are_read_and_those_that_cannot_be_are_left_out() {
         visual(r#"<geometry/>"#),
         visual(""),
     ];
-    let (bodies, notes) = Bodies::from_urdf(&changed(ARM, "<collision>", &format!("{}<collision>", looks.concat()))).expect("bodies");
+    let (bodies, notes) =
+        Bodies::from_urdf(&changed(ARM, "<collision>", &format!("{}<collision>", looks.concat()))).expect("bodies");
     let [x, y, z] = [1.0, 2.0, 3.0];
     let solid = |pose: Isometry3<f64>, form: Form| Solid { pose, form, surface: None };
-    let turned =
-        Isometry3::from_parts(Vector3::new(x, y, z).into(), UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2));
+    let turned = Isometry3::from_parts(
+        Vector3::new(x, y, z).into(),
+        UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2),
+    );
     let expected = [
         solid(turned, Form::Shape(ShapeKind::Box { half: Vector3::new(x, y, z) })),
         solid(Isometry3::identity(), Form::Mesh { file: "a&b.stl".into(), scale: Vector3::new(1.0, 2.0, -3.0) }),
@@ -38,7 +41,11 @@ fn solids_keep_their_surfaces_where_they_are_lumped() {
     let (mut bodies, _) = Bodies::from_urdf(ARM).expect("bodies");
     bodies.bodies[1].collisions[0].surface = Some(7);
     bodies.joints[1].origin = Isometry3::translation(0.0, 0.0, 2.0);
-    let at = |x: f64, form: Form, surface: usize| Solid { pose: Isometry3::translation(x, 0.0, 0.0), form, surface: Some(surface) };
+    let at = |x: f64, form: Form, surface: usize| Solid {
+        pose: Isometry3::translation(x, 0.0, 0.0),
+        form,
+        surface: Some(surface),
+    };
     let corners: Vec<Vector3<f64>> = [Vector3::x(), Vector3::y(), Vector3::z(), Vector3::zeros()].into();
     bodies.bodies[2].collisions = vec![
         at(0.5, Form::Shape(ShapeKind::Capsule { radius: 0.1, half_length: 0.2 }), 3),
@@ -53,7 +60,11 @@ fn solids_keep_their_surfaces_where_they_are_lumped() {
     // A fixed base has no link to carry a hull.
     bodies.bodies[0].collisions = vec![bodies.bodies[2].collisions[1].clone()];
     let read = UrdfRobot::of(&bodies, Base::fixed()).expect("a robot");
-    assert!(read.hulls.len() == 1 && read.notes.iter().any(|n| n.contains("link `base`: a mesh is on the fixed base")), "{:?}", read.notes);
+    assert!(
+        read.hulls.len() == 1 && read.notes.iter().any(|n| n.contains("link `base`: a mesh is on the fixed base")),
+        "{:?}",
+        read.notes
+    );
 }
 
 /// A joint 0.3 m up on its body: the body's frame lies below the joint's, `Robot::frame` returns it by name, and it

@@ -4,8 +4,15 @@ use super::common::*;
 
 /// A leg of two joints on a floating trunk. The foot is fixed to the shank; the toe's joint mimics the knee.
 fn leg() -> Robot {
-    let [hip, knee] = ["hip", "knee"]
-        .map(|n| joint(n, "continuous", if n == "hip" { "trunk" } else { "thigh" }, if n == "hip" { "thigh" } else { "shank" }, ""));
+    let [hip, knee] = ["hip", "knee"].map(|n| {
+        joint(
+            n,
+            "continuous",
+            if n == "hip" { "trunk" } else { "thigh" },
+            if n == "hip" { "thigh" } else { "shank" },
+            "",
+        )
+    });
     let parts = ["trunk", "thigh", "shank", "foot", "toe"].map(link).into_iter().chain([
         hip,
         knee,
@@ -36,9 +43,15 @@ fn an_unknown_name_is_refused_in_one_line_with_those_near() {
         (robot.joint("elbow").map_err(text).err(), "robot `r` has no moving joint `elbow`; it has `hip`, `knee`"),
         (robot.joint("curl").map_err(text).err(), "robot `r` has no joint of its own `curl`; it follows `knee`"),
         (robot.joint("an\nkle").map_err(text).err(), "robot `r` has no moving joint `an\\nkle`; it has `hip`, `knee`"),
-        (robot.link("foot").map_err(text).err(), "robot `r` has no moving link `foot`; it is fixed on `shank` and a frame of it"),
+        (
+            robot.link("foot").map_err(text).err(),
+            "robot `r` has no moving link `foot`; it is fixed on `shank` and a frame of it",
+        ),
         (robot.link("shanks").map_err(text).err(), "robot `r` has no moving link `shanks`; near are `shank`"),
-        (robot.frame("feet").map(|f| f.link).map_err(text).err(), "robot `r` has no link or frame `feet`; near are `foot`"),
+        (
+            robot.frame("feet").map(|f| f.link).map_err(text).err(),
+            "robot `r` has no link or frame `feet`; near are `foot`",
+        ),
     ] {
         assert_eq!(error.as_deref(), Some(expected));
     }

@@ -19,14 +19,18 @@ fn what_a_joint_says_is_read() {
     let joint = robot.joints().next().expect("one joint");
     let limit = joint.limit.expect("limited");
     assert_eq!((limit.lower, limit.upper, limit.stiffness, limit.damping), (-1.0, 1.0, 0.0, 0.0));
-    assert_eq!((joint.damping, joint.friction, joint.effort, joint.velocity, joint.armature), (0.5, 0.3, 10.0, 5.0, 0.0));
+    assert_eq!(
+        (joint.damping, joint.friction, joint.effort, joint.velocity, joint.armature),
+        (0.5, 0.3, 10.0, 5.0, 0.0)
+    );
     assert_eq!((robot.nq(), robot.nv(), robot.mass(), robot.dry()), (1, 1, 2.0, true));
 }
 
 #[test]
 fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
     // A joint with limits of zero range would be a fixed one.
-    let UrdfRobot { robot, notes, .. } = read(&changed(ARM, r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, ""));
+    let UrdfRobot { robot, notes, .. } =
+        read(&changed(ARM, r#"<limit lower="-1" upper="1" effort="10" velocity="5"/>"#, ""));
     assert!(robot.joints().next().is_some_and(|j| j.limit.is_none() && j.wraps()));
     assert!(notes.len() == 1 && notes[0].contains("joint `shoulder`: <limit> is missing"), "{notes:?}");
     // Bodies on fixed joints become frames.
@@ -37,7 +41,9 @@ fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
     let notes = read(&changed(ARM, r#"<link name="tip"/>"#, &odd)).notes;
     assert!(notes.iter().any(|n| n.contains("link `tip`: inertia is not positive")), "{notes:?}");
     // Real files lack mass, break the triangle inequality and round; armature may come later.
-    for (from, to) in [(r#"mass value="2""#, r#"mass value="0""#), (r#"izz="1""#, r#"izz="9""#), (r#"ixz="0""#, r#"ixz="1e-20""#)] {
+    for (from, to) in
+        [(r#"mass value="2""#, r#"mass value="0""#), (r#"izz="1""#, r#"izz="9""#), (r#"ixz="0""#, r#"ixz="1e-20""#)]
+    {
         read(&changed(ARM, from, to));
     }
 }
@@ -56,11 +62,15 @@ fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
 /// limits stay. An impossible inertia is noted.
 #[test]
 fn a_follower_narrows_its_leader() {
-    let limited =
-        |ends: [f64; 2], more: &str| format!("<limit lower=\"{}\" upper=\"{}\" effort=\"9\" velocity=\"9\"/>{more}", ends[0], ends[1]);
+    let limited = |ends: [f64; 2], more: &str| {
+        format!("<limit lower=\"{}\" upper=\"{}\" effort=\"9\" velocity=\"9\"/>{more}", ends[0], ends[1])
+    };
     for (own, ends) in [([-0.5, 0.7], [-0.3, 0.3]), ([-4.0, 4.0], [-1.0, 1.0]), ([5.0, 6.0], [-1.0, 1.0])] {
         let follows = limited(own, r#"<mimic joint="ja" multiplier="-2" offset="0.1"/>"#);
-        let joints = [joint("ja", "revolute", "base", "a", &limited([-1.0, 1.0], "")), joint("jb", "revolute", "base", "b", &follows)];
+        let joints = [
+            joint("ja", "revolute", "base", "a", &limited([-1.0, 1.0], "")),
+            joint("jb", "revolute", "base", "b", &follows),
+        ];
         let UrdfRobot { robot, notes, .. } = read(&urdf(&[&["base", "a", "b"].map(link)[..], &joints].concat()));
         let limit = robot.joints().next().and_then(|j| j.limit).expect("it has limits");
         assert!((limit.lower - ends[0]).abs() + (limit.upper - ends[1]).abs() < 1e-12, "{own:?}: {limit:?}");
@@ -80,7 +90,8 @@ fn a_urdf_says_what_follows_what() {
         urdf(&[&["base", "a", "b", "c"].map(link)[..], &joints].concat())
     };
     // c follows b, which follows a: 3 (2 q + 0.1) - 0.2.
-    let [b, c] = [r#"<mimic joint="ja" multiplier="2" offset="0.1"/>"#, r#"<mimic joint="jb" multiplier="3" offset="-0.2"/>"#];
+    let [b, c] =
+        [r#"<mimic joint="ja" multiplier="2" offset="0.1"/>"#, r#"<mimic joint="jb" multiplier="3" offset="-0.2"/>"#];
     let robot = read(&text([b, c])).robot;
     assert_eq!((robot.nq(), robot.joint_count(), robot.links.len()), (1, 1, 3));
     let c = robot.links[2].joint.as_ref().and_then(|j| j.mimic().copied()).expect("it follows");
@@ -122,7 +133,9 @@ fn what_things_look_like_is_not_looked_at() {
             r#"<material name="a>b"/><link name="l"/>{weld}<material name="</material>"><texture filename='<material>'/></material>
             <!-- "</material> --><material name='"'/>"#
         ),
-        format!(r#"<material name="a"><color/><material name="b"/></material><link name="l"><![CDATA[<material>]]></link>{weld}"#),
+        format!(
+            r#"<material name="a"><color/><material name="b"/></material><link name="l"><![CDATA[<material>]]></link>{weld}"#
+        ),
     ] {
         let robot = read(&ARM.replace("</robot>", &format!("{extra}</robot>"))).robot;
         assert_eq!((robot.mass(), robot.links[0].shapes.len()), (2.0, 1), "{extra}");

@@ -45,8 +45,18 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
         (r#"mass value="2""#, r#"mass value="two""#, "line 2, link `upper`", "`two` is not a number"),
         (r#"mass value="2""#, r#"mass value="1,5""#, "<mass value=\"1,5\">", "`1,5` is not a number"),
         (r#"mass value="2""#, r#"mass value="${m}""#, "line 2, link `upper`", "xacro"),
-        (r#"<origin xyz="0 0 1"/><axis"#, r#"<origin xyz="0 1"/><axis"#, "line 4, joint `shoulder`", "2 numbers, 3 are needed"),
-        (r#"<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>"#, "", "link `upper`", "<inertial> has no <inertia>"),
+        (
+            r#"<origin xyz="0 0 1"/><axis"#,
+            r#"<origin xyz="0 1"/><axis"#,
+            "line 4, joint `shoulder`",
+            "2 numbers, 3 are needed",
+        ),
+        (
+            r#"<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>"#,
+            "",
+            "link `upper`",
+            "<inertial> has no <inertia>",
+        ),
         (r#"<sphere radius="0.5"/>"#, "", "line 3, link `upper`", "<geometry> is empty"),
         (r#"ixy="0""#, r#"ixy="0" iyx="0.1""#, "iyx is 0.1", "symmetric"),
         ("</robot>", "<xacro:wheel/></robot>", "<xacro:wheel>", "expand"),
@@ -55,7 +65,10 @@ fn refusals_name_the_culprit_and_the_reason_in_one_line() {
     ];
     for (from, to, culprit, reason) in table {
         let error = refusal(&changed(ARM, from, to), Base::fixed());
-        assert!(error.contains(culprit) && error.contains(reason), "{to}: `{error}` does not name {culprit} and {reason}");
+        assert!(
+            error.contains(culprit) && error.contains(reason),
+            "{to}: `{error}` does not name {culprit} and {reason}"
+        );
     }
 }
 
@@ -79,7 +92,10 @@ fn a_misspelt_word_is_no_other_robot() {
     let good = r#"<robot name="r"><link name="a"/><link name="b"><inertial><origin xyz="0 0 1"/><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
         <joint name="j" type="continuous"><origin xyz="1 0 0"/><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics damping="1"/></joint>
         <gazebo><orgin xzy="what a simulator makes of it"/></gazebo><transmission name="t"><axs/></transmission></robot>"#;
-    assert!(Robot::from_urdf(&format!("\u{feff}{good}"), Base::fixed()).is_ok(), "others' elements are theirs, and so is an editor's mark");
+    assert!(
+        Robot::from_urdf(&format!("\u{feff}{good}"), Base::fixed()).is_ok(),
+        "others' elements are theirs, and so is an editor's mark"
+    );
     for (from, to, word) in [
         ("origin xyz=\"1", "origin xzy=\"1", "`xzy`"),
         ("origin xyz=\"1", "orgin xyz=\"1", "<origin>"),
@@ -112,7 +128,8 @@ fn what_is_not_needed_may_be_missing_or_said_twice() {
         let limits: Vec<_> = robot.joints().filter_map(|joint| joint.limit.map(|l| (l.lower, l.upper))).collect();
         assert_eq!(limits, [(-1.0, 1.0)], "{to}");
     }
-    let endless = UrdfRobot::read(&changed(ARM, r#"lower="-1" upper="1" "#, ""), Base::fixed()).expect("a hinge without bounds");
+    let endless =
+        UrdfRobot::read(&changed(ARM, r#"lower="-1" upper="1" "#, ""), Base::fixed()).expect("a hinge without bounds");
     assert!(endless.robot.joints().all(|joint| joint.limit.is_none()), "it turns without end");
     assert!(endless.notes.iter().any(|n| n.contains("`shoulder`") && n.contains("no bounds")), "{:?}", endless.notes);
 }

@@ -28,7 +28,11 @@ fn a_planar_joint_is_a_puck_on_a_table() {
     let (sin, cos) = q[2].sin_cos();
     // Closed form: the puck's rotation needs only a centripetal force.
     let by_hand = [m, 0.0, -m * d * sin, 0.0, m, m * d * cos, -m * d * sin, m * d * cos, inertia + m * d * d];
-    assert!(gap(data.mass_matrix(&robot, &q).as_slice(), &by_hand) < 1e-14, "{}, {by_hand:?} by hand", data.mass_matrix(&robot, &q));
+    assert!(
+        gap(data.mass_matrix(&robot, &q).as_slice(), &by_hand) < 1e-14,
+        "{}, {by_hand:?} by hand",
+        data.mass_matrix(&robot, &q)
+    );
     let needed = [-m * d * cos * qd[2] * qd[2], -m * d * sin * qd[2] * qd[2], 0.0];
     let bias = data.bias(&robot, &q, &LocalVelocity(qd), &Vector3::zeros());
     assert!(gap(bias.as_slice(), &needed) < 1e-14, "{bias}, {needed:?} by hand");
@@ -43,7 +47,10 @@ fn the_plane_is_across_the_axis() {
         let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, FRAC_PI_2]].map(|q| robot.pose(&q, &puck));
         let [home, x, y, turned] = places;
         let [x, y] = [x, y].map(|p| p.translation.vector - home.translation.vector);
-        assert!((x.cross(&y) - normal).norm() < 1e-15 && x.dot(&y).abs() < 1e-15, "{axis}: x, y and the normal are not right-handed");
+        assert!(
+            (x.cross(&y) - normal).norm() < 1e-15 && x.dot(&y).abs() < 1e-15,
+            "{axis}: x, y and the normal are not right-handed"
+        );
         let carried = turned.rotation.inverse() * (home.rotation * x) + home.rotation * y;
         assert!(carried.norm() < 1e-12, "{axis}: a turn does not carry y to x");
     }
@@ -70,7 +77,8 @@ fn a_floating_joint_under_the_world_is_a_free_base() {
 
 #[test]
 fn a_planar_joint_without_mass_is_fixed_and_its_names_are_its_own() {
-    let cart = link("cart") + &joint("rail", "prismatic", "table", "cart", r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#);
+    let cart = link("cart")
+        + &joint("rail", "prismatic", "table", "cart", r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#);
     let text = puck("0 0 1").replace("</robot>", &(cart + "</robot>"));
     let light = text.replace("\"2\"", "\"0\"").replace("\"0.1\"", "\"0\"").replace("\"0.2\"", "\"0\"");
     let read = alone(&light);

@@ -25,7 +25,10 @@ fn massive(name: &str, origin: &str, b: &BodyInertia) -> String {
 }
 
 /// First principles: sum of masses, of first moments, and of second moments about `about`.
-fn total(parts: &[(BodyInertia, Matrix3<f64>, Vector3<f64>)], about: &Vector3<f64>) -> (f64, Vector3<f64>, Matrix3<f64>) {
+fn total(
+    parts: &[(BodyInertia, Matrix3<f64>, Vector3<f64>)],
+    about: &Vector3<f64>,
+) -> (f64, Vector3<f64>, Matrix3<f64>) {
     parts.iter().fold((0.0, Vector3::zeros(), Matrix3::zeros()), |(mass, moment, inertia), (b, r, x)| {
         let c = r * b.com + x;
         let d = c - about;
@@ -50,7 +53,13 @@ fn fixed_links_are_welded_on_exactly() {
         }
         for k in 0..3 {
             let kind = if k == 2 { "continuous" } else { "fixed" };
-            text += &joint(&format!("j{k}"), kind, names[k], names[k + 1], &format!("{}<axis xyz=\"1 2 3\"/>", joints[k].0));
+            text += &joint(
+                &format!("j{k}"),
+                kind,
+                names[k],
+                names[k + 1],
+                &format!("{}<axis xyz=\"1 2 3\"/>", joints[k].0),
+            );
         }
         text += "</robot>";
         let robot = Robot::from_urdf(&text, Base::Floating).expect("valid");
@@ -88,7 +97,10 @@ fn links_come_depth_first_in_the_order_of_the_joints() {
     assert_eq!(fixed.joints().map(|j| j.name.as_str()).collect::<Vec<_>>(), ["to_b", "to_c", "to_d", "to_e", "to_a"]);
     assert_eq!(fixed.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(1), Some(0), None]);
     let floating = Robot::from_urdf(&text, Base::Floating).expect("valid");
-    assert_eq!(floating.links.iter().map(|l| l.parent).collect::<Vec<_>>(), [None, Some(0), Some(1), Some(2), Some(1), Some(0)]);
+    assert_eq!(
+        floating.links.iter().map(|l| l.parent).collect::<Vec<_>>(),
+        [None, Some(0), Some(1), Some(2), Some(1), Some(0)]
+    );
 }
 
 #[test]
@@ -104,7 +116,10 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
         joint("weld", "fixed", "base", "tip", r#"<origin xyz="10 0 0" rpy="0 0 1.5707963267948966"/>"#),
     );
     let UrdfRobot { robot, meshes, .. } = UrdfRobot::read(&text, Base::Floating).expect("valid");
-    assert_eq!(meshes.iter().map(|m| (m.of.as_str(), m.file.as_str())).collect::<Vec<_>>(), [("base", "m.stl"), ("tip", "m.stl")]);
+    assert_eq!(
+        meshes.iter().map(|m| (m.of.as_str(), m.file.as_str())).collect::<Vec<_>>(),
+        [("base", "m.stl"), ("tip", "m.stl")]
+    );
     assert_eq!(robot.links[0].shapes[1].kind, ShapeKind::Box { half: Vector3::new(1.0, 2.0, 3.0) });
     let points: Vec<_> = robot.contact_points.iter().map(|p| (p.local, p.radius, p.thickness)).collect();
     let mut expected = vec![(Vector3::new(10.0, 0.0, 1.0), 0.3)];
@@ -116,7 +131,10 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
     expected.extend([2.0, 2.0, 2.0, 0.0, 0.0, 0.0].map(|z| (Vector3::new(10.0, 0.0, z), 1e-5)));
     assert_eq!(points.len(), expected.len());
     for ((at, radius, thickness), (place, r)) in points.into_iter().zip(expected) {
-        assert!((at - place).norm() < 1e-14 && radius == r && thickness == r, "{at} radius {radius}, expected {place} radius {r}");
+        assert!(
+            (at - place).norm() < 1e-14 && radius == r && thickness == r,
+            "{at} radius {radius}, expected {place} radius {r}"
+        );
     }
 }
 
@@ -124,7 +142,9 @@ fn shapes_of_fixed_links_are_carried_over_and_meshes_reported() {
 fn spreading_a_box_along_itself_makes_it_longer() {
     // A box of 1 kg, edges a, b, c, has second moments a^2 / 12, ...; twice the length along x gives four times the
     // first.
-    let of = |a: f64, b: f64, c: f64| Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0));
+    let of = |a: f64, b: f64, c: f64| {
+        Matrix3::from_diagonal(&(Vector3::new(b * b + c * c, a * a + c * c, a * a + b * b) / 12.0))
+    };
     let mut body = BodyInertia { mass: 1.0, com: Vector3::zeros(), inertia: of(0.3, 0.2, 0.1) };
     body.spread(0, 4.0);
     assert!((body.inertia - of(0.6, 0.2, 0.1)).norm() < 1e-15, "{} is not that of the longer box", body.inertia);

@@ -30,8 +30,12 @@ pub enum Kind {
     Energy,
 }
 
-const MJCF: [&str; 4] =
-    [include_str!("seeds/arm.xml"), include_str!("seeds/feet.xml"), include_str!("seeds/parts.xml"), include_str!("seeds/slide.xml")];
+const MJCF: [&str; 4] = [
+    include_str!("seeds/arm.xml"),
+    include_str!("seeds/feet.xml"),
+    include_str!("seeds/parts.xml"),
+    include_str!("seeds/slide.xml"),
+];
 const TASK: &str = "robot = \"cartpole\"\nsteps = 20\nframes = 2\nsubsteps = 4\nobservation = [\"q\", \"qd\", \"wide\"]\nreward = { up = \"cos(q[1])\", \
                     calm = \"-0.1 * mean(action.squared())\" }\nterminated = \"norm(qd) > 100\"\nerror = \"norm(q - [0, goal])\"\ntolerance = \"0.1 rad\"\n[command]\n\
                     goal = \"U(-1, 1)\"\n[let]\nwide = \"max(q[0], 0.5 * goal)\"\n";
@@ -41,7 +45,8 @@ const RECIPE: &str = "robot = \"pendulum\"\nout = \"out\"\nbase = \"trapezoid\"\
                       torque-scale = -1\n[[run]]\nupdates = 100\nrate = 1e-3\n[[run]]\nupdates = 50\nhuber = 0.02\nminutes = 3\n";
 const LOG: &str = "file = \"log.npz\"\nrobot = \"pendulum\"\nscene = \"free\"\ntime = \"t\"\ncost = 60.5\nunits = { angle = \"rad\", time = \"s\" }\n[[joint]]\n\
                    name = \"joint1\"\nposition = \"q.0\"\nvelocity = \"qd.0\"\n[[joint]]\nname = \"joint2\"\nposition = \"q.1\"\nvelocity = \"qd.1\"\n";
-const CSV: &str = "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0.1,0.2,0,0,1,0\n0,1,,,,,0.5,0\n1,0,-1,0.5,0,1,0,0\n1,1,,,,,0,0\n";
+const CSV: &str =
+    "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0.1,0.2,0,0,1,0\n0,1,,,,,0.5,0\n1,0,-1,0.5,0,1,0,0\n1,1,,,,,0,0\n";
 const NPZ: &[u8] = include_bytes!("seeds/log.npz");
 
 /// Result of a case.
@@ -66,11 +71,14 @@ impl Kind {
             text
         };
         let one = |name: &str, bytes: Vec<u8>| vec![(name.to_string(), bytes)];
-        let read = |folder: &Path, name: &str| std::fs::read(folder.join(name)).map_err(crate::error::file(&folder.join(name)));
+        let read = |folder: &Path, name: &str| {
+            std::fs::read(folder.join(name)).map_err(crate::error::file(&folder.join(name)))
+        };
         Ok(match self {
             Self::Mjcf => one("robot.xml", changed(dice, &MJCF)?),
             Self::Urdf | Self::Robot => {
-                let robots = ["cartpole", "pendulum", "cube", "ant"].map(|name| (name, System::texts(name).unwrap_or_default()));
+                let robots =
+                    ["cartpole", "pendulum", "cube", "ant"].map(|name| (name, System::texts(name).unwrap_or_default()));
                 let k = dice.random_range(0..robots.len());
                 let (name, (spec, xml)) = robots[k];
                 match self {
@@ -100,9 +108,10 @@ impl Kind {
             Self::Energy => energy::draw(dice)?,
             Self::Policy | Self::Model => {
                 let (folder, names): (_, &[&str]) = match self {
-                    Self::Policy => {
-                        (shipped::models().join("policies/cartpole-swingup-neural-200"), &["config.json", "policy.safetensors"])
-                    }
+                    Self::Policy => (
+                        shipped::models().join("policies/cartpole-swingup-neural-200"),
+                        &["config.json", "policy.safetensors"],
+                    ),
                     _ => (shipped::models().join("pendulum"), &["config.json", "normalizer.json", "model.safetensors"]),
                 };
                 let mut files = Vec::new();
@@ -126,20 +135,29 @@ impl Kind {
         // A folder for each kind: files left by another kind could change the reading.
         let folder = &folder.join(self.name());
         let made = std::fs::create_dir_all(folder).err();
-        if let Some(e) = made.or_else(|| files.iter().find_map(|(name, bytes)| std::fs::write(folder.join(name), bytes).err())) {
+        if let Some(e) =
+            made.or_else(|| files.iter().find_map(|(name, bytes)| std::fs::write(folder.join(name), bytes).err()))
+        {
             return Outcome::Fault(e.to_string());
         }
         let path = folder.join(&files[0].0);
         let text = || nerd_sim::files::read_text(&path).map_err(Error::from);
         let found: Result<()> = match self {
-            Self::Mjcf | Self::Urdf | Self::Robot => System::named(&path.display().to_string()).map_err(Error::from).and_then(moved),
+            Self::Mjcf | Self::Urdf | Self::Robot => {
+                System::named(&path.display().to_string()).map_err(Error::from).and_then(moved)
+            }
             Self::Task => text().and_then(|text| Ok(FileTask::new("task.toml", &text, None)?)).map(drop),
             Self::Settings => text().and_then(|text| Ok(PpoConfig::from_text(&text)?)).map(drop),
             Self::Recipe => Recipe::read(&path, &Given::new()).map_err(Error::from).map(drop),
             Self::Log | Self::Npz => Log::read(&path, None).map_err(Error::from).map(drop),
-            Self::Csv => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(States::read(&path, &s)?)).map(drop),
+            Self::Csv => {
+                System::named("pendulum").map_err(Error::from).and_then(|s| Ok(States::read(&path, &s)?)).map(drop)
+            }
             Self::Policy => folder::load(folder).map_err(Error::from).map(drop),
-            Self::Model => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(Model::load(folder, &s, None)?)).map(drop),
+            Self::Model => System::named("pendulum")
+                .map_err(Error::from)
+                .and_then(|s| Ok(Model::load(folder, &s, None)?))
+                .map(drop),
             Self::Energy => match energy::judge(files, card) {
                 Ok(None) => Ok(()),
                 Ok(Some(gain)) => return Outcome::Fault(gain),
@@ -170,7 +188,8 @@ fn moved(system: Arc<System>) -> Result<()> {
     let scene = system.scene(system.usual_scenes()[0])?;
     let mut batch = Batch::new(&system, &scene, 1);
     batch.reset(0, &system.default_state());
-    let (mut solver, torques) = (Articulated::new(ArticulatedConfig::accurate(&system)), vec![0.0; system.robot.joint_count()]);
+    let (mut solver, torques) =
+        (Articulated::new(ArticulatedConfig::accurate(&system)), vec![0.0; system.robot.joint_count()]);
     for _ in 0..2 {
         solver.step(&mut batch, &torques)?;
         if batch.state(0).iter().any(|x| !x.is_finite()) {

@@ -33,7 +33,8 @@ pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, St
         }
         let list = folder.path().join("list");
         std::fs::write(&list, names)?;
-        let asked = Command::new(python).args(["-c", ASK]).stdin(std::fs::File::open(&list)?).stderr(Stdio::null()).output();
+        let asked =
+            Command::new(python).args(["-c", ASK]).stdin(std::fs::File::open(&list)?).stderr(Stdio::null()).output();
         let asked = asked.with_context(|| format!("--mujoco {}", python.display()))?;
         let answers = String::from_utf8_lossy(&asked.stdout);
         let answers: Vec<&str> = answers.lines().collect();

@@ -70,9 +70,13 @@ fn robot(dice: &mut Dice, count: usize) -> String {
             let axis = ["1 0 0", "0 1 0", "0 0 1"][dice.random_range(0..3)];
             let (kind, limit) = match dice.random_range(0..3) {
                 0 => ("continuous", "<limit effort=\"5\" velocity=\"50\"/>".to_string()),
-                1 => {
-                    ("revolute", format!("<limit lower=\"-{0}\" upper=\"{0}\" effort=\"5\" velocity=\"50\"/>", dice.random_range(0.3..2.0)))
-                }
+                1 => (
+                    "revolute",
+                    format!(
+                        "<limit lower=\"-{0}\" upper=\"{0}\" effort=\"5\" velocity=\"50\"/>",
+                        dice.random_range(0.3..2.0)
+                    ),
+                ),
                 _ => ("prismatic", "<limit lower=\"-0.1\" upper=\"0.1\" effort=\"20\" velocity=\"5\"/>".to_string()),
             };
             let loss = if dice.random() {
@@ -94,10 +98,14 @@ fn robot(dice: &mut Dice, count: usize) -> String {
 fn shape(dice: &mut Dice, mass: f64) -> (String, [f64; 3]) {
     let mut size = |least: f64, most: f64| dice.random_range(least..most);
     let [a, b, c] = [size(0.02, 0.2), size(0.02, 0.2), size(0.02, 0.3)];
-    let cylinder = |r: f64, l: f64| [mass * (3.0 * r * r + l * l) / 12.0, mass * (3.0 * r * r + l * l) / 12.0, 0.5 * mass * r * r];
+    let cylinder =
+        |r: f64, l: f64| [mass * (3.0 * r * r + l * l) / 12.0, mass * (3.0 * r * r + l * l) / 12.0, 0.5 * mass * r * r];
     match size(0.0, 5.0) as usize {
         0 => (format!("<sphere radius=\"{a}\"/>"), [0.4 * mass * a * a; 3]),
-        1 => (format!("<box size=\"{a} {b} {c}\"/>"), [b * b + c * c, a * a + c * c, a * a + b * b].map(|x| mass * x / 12.0)),
+        1 => (
+            format!("<box size=\"{a} {b} {c}\"/>"),
+            [b * b + c * c, a * a + c * c, a * a + b * b].map(|x| mass * x / 12.0),
+        ),
         2 => (format!("<cylinder radius=\"{a}\" length=\"{}\"/>", 0.2 * b), cylinder(a, 0.2 * b)),
         3 => (format!("<cylinder radius=\"{}\" length=\"{c}\"/>", 0.5 * a), cylinder(0.5 * a, c)),
         _ => (format!("<capsule radius=\"{}\" length=\"{c}\"/>", 0.3 * a), cylinder(0.3 * a, c)),
@@ -116,8 +124,11 @@ fn specification(dice: &mut Dice, flight: bool) -> String {
     if dice.random_bool(0.7) {
         let mut number = |least: f64, most: f64| 10f64.powf(dice.random_range(least..most));
         let (stiffness, damping) = (number(3.0, 5.0), number(0.0, 3.0));
-        let (damping, friction) = if dice.random_bool(0.3) { (0.0, 0.0) } else { (damping, dice.random_range(0.0..1.2)) };
-        text += &format!("material = {{ stiffness = {stiffness}, damping = {damping}, friction_damping = 1e3, friction = {friction} }}\n");
+        let (damping, friction) =
+            if dice.random_bool(0.3) { (0.0, 0.0) } else { (damping, dice.random_range(0.0..1.2)) };
+        text += &format!(
+            "material = {{ stiffness = {stiffness}, damping = {damping}, friction_damping = 1e3, friction = {friction} }}\n"
+        );
     }
     let lean = if dice.random_bool(0.3) { dice.random_range(-0.4..0.4) } else { 0.0 };
     let grounds = [
@@ -168,8 +179,15 @@ fn solver(config: ArticulatedConfig, card: bool) -> Result<Box<dyn Solver>> {
 }
 
 /// Largest relative energy gain over all starts, and its frame.
-fn gain(system: &Arc<System>, scene: &Arc<Scene>, start: &Start, starts: usize, solver: &mut dyn Solver) -> Result<(f64, usize)> {
-    let (mut batch, mut data, mut dice) = (Batch::new(system, scene, starts), Data::new(&system.robot), stream(start.seed, 0));
+fn gain(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    start: &Start,
+    starts: usize,
+    solver: &mut dyn Solver,
+) -> Result<(f64, usize)> {
+    let (mut batch, mut data, mut dice) =
+        (Batch::new(system, scene, starts), Data::new(&system.robot), stream(start.seed, 0));
     let (nq, joints) = (system.robot.nq(), system.robot.joint_count());
     for env in 0..starts {
         let state = batch.state_mut(env);

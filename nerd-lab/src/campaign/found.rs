@@ -40,5 +40,9 @@ impl Found {
 /// A fault's message without names and numbers, as the key of its group.
 fn sort(what: &str) -> String {
     let words = what.split(['\'', '`']).step_by(2).collect::<Vec<_>>().join("_");
-    words.split(|c: char| c.is_ascii_digit() || ".-".contains(c)).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("#")
+    words
+        .split(|c: char| c.is_ascii_digit() || ".-".contains(c))
+        .filter(|part| !part.is_empty())
+        .collect::<Vec<_>>()
+        .join("#")
 }

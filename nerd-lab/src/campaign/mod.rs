@@ -67,10 +67,14 @@ impl Campaign {
         let known = Kind::VARIANTS;
         let kind = |name: &String| {
             known.iter().find(|kind| kind.name() == *name).copied().with_context(|| {
-                format!("--kinds {name}: choose from {}", known.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", "))
+                format!(
+                    "--kinds {name}: choose from {}",
+                    known.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ")
+                )
             })
         };
-        let kinds = if self.kinds.is_empty() { known.to_vec() } else { self.kinds.iter().map(kind).collect::<Result<_>>()? };
+        let kinds =
+            if self.kinds.is_empty() { known.to_vec() } else { self.kinds.iter().map(kind).collect::<Result<_>>()? };
         let share = |k: u64| (kinds[(k % kinds.len() as u64) as usize], self.first + k / kinds.len() as u64);
         let desk = Arc::new(Desk {
             asked: (0..self.cases).map(share).collect(),
@@ -84,7 +88,10 @@ impl Campaign {
         let mut start = || -> Result<()> {
             let (desk, give, own) = (desk.clone(), give.clone(), workers);
             workers += 1;
-            std::thread::Builder::new().spawn(move || work(&desk, own, &give)).context("no thread for the campaign").map(drop)
+            std::thread::Builder::new()
+                .spawn(move || work(&desk, own, &give))
+                .context("no thread for the campaign")
+                .map(drop)
         };
         // Panics are caught and counted; the hook would print each one to standard error.
         let hook = std::panic::take_hook();
@@ -140,7 +147,8 @@ impl Campaign {
             }
             let mut busy = desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
             let limit = if desk.card { CARD_LIMIT } else { LIMIT };
-            let over: Vec<_> = busy.extract_if(.., |_, (_, since)| since.elapsed() > limit).map(|(_, (case, _))| case).collect();
+            let over: Vec<_> =
+                busy.extract_if(.., |_, (_, since)| since.elapsed() > limit).map(|(_, (case, _))| case).collect();
             drop(busy);
             for (kind, number) in over {
                 late.insert((kind, number));
@@ -163,13 +171,17 @@ fn work(desk: &Desk, own: usize, give: &Sender<Tried>) {
         let Some(&(kind, number)) = desk.asked.get(k) else { return };
         let busy = || desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
         busy().insert(own, ((kind, number), Instant::now()));
-        let tried =
-            catch_unwind(AssertUnwindSafe(|| kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files, desk.card))));
+        let tried = catch_unwind(AssertUnwindSafe(|| {
+            kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files, desk.card))
+        }));
         let outcome = match tried {
             Ok(Ok(outcome)) => outcome,
             Ok(Err(e)) => Outcome::Fault(format!("no case: {e:#}")),
             Err(panic) => {
-                let said = panic.downcast_ref::<String>().cloned().or_else(|| panic.downcast_ref::<&str>().map(ToString::to_string));
+                let said = panic
+                    .downcast_ref::<String>()
+                    .cloned()
+                    .or_else(|| panic.downcast_ref::<&str>().map(ToString::to_string));
                 Outcome::Fault(format!("a panic: {}", said.unwrap_or_default()))
             }
         };

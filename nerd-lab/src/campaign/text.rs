@@ -76,7 +76,9 @@ impl Dictionary {
             3 => text.insert(a, other),
             4 => text.swap(a, b),
             _ => {
-                let own = |w: &&mut String| w.starts_with(|c: char| c.is_alphanumeric() || "-.".contains(c)) && !w.starts_with("--");
+                let own = |w: &&mut String| {
+                    w.starts_with(|c: char| c.is_alphanumeric() || "-.".contains(c)) && !w.starts_with("--")
+                };
                 if let Some(word) = text[a..].iter_mut().find(own) {
                     *word = self.word(dice, word, &other);
                 }

@@ -8,8 +8,22 @@ use crate::prelude::*;
 /// Most elements of an edited file; copies of copies test nothing new.
 const MOST: usize = 400;
 /// Values that an attribute may be set to.
-const ODD: [&str; 14] =
-    ["0", "-1", "1e300", "-1e300", "nan", "inf", "", "1e-300", "x", "0.5 0.5", "1 0 0 0 0 0 0", "true", "3", "2147483648"];
+const ODD: [&str; 14] = [
+    "0",
+    "-1",
+    "1e300",
+    "-1e300",
+    "nan",
+    "inf",
+    "",
+    "1e-300",
+    "x",
+    "0.5 0.5",
+    "1 0 0 0 0 0 0",
+    "true",
+    "3",
+    "2147483648",
+];
 
 #[derive(Clone, Debug, Default)]
 pub struct Element {

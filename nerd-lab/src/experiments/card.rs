@@ -26,7 +26,10 @@ pub fn timed(
     let mut solver = resident(spec, &begun.system, Real::F32, precision)?;
     let report = compare(&mut *solver)?;
     let (mut many, d) = (Batch::new(&begun.system, &begun.scenes[0], n), begun.system.robot.state_dim());
-    many.states.chunks_exact_mut(d).zip(begun.states.chunks_exact(d).cycle()).for_each(|(to, from)| to.copy_from_slice(from));
+    many.states
+        .chunks_exact_mut(d)
+        .zip(begun.states.chunks_exact(d).cycle())
+        .for_each(|(to, from)| to.copy_from_slice(from));
     many.drives = held.map_or_else(Vec::new, |held| held.drives(0, n));
     let torques = idle(&many);
     let mut roll = |frames| solver.roll(&mut many, &torques, frames).or_else(|error| error.faults().map(drop));

@@ -81,8 +81,11 @@ impl Carried {
         }
         let file = mjcf_of(own.robot());
         if file.is_none() && self.settings != "ours" {
-            let said =
-                format!("{}: `{}` is no MJCF, which would have contact and solver settings of its own", from_root(path), own.robot());
+            let said = format!(
+                "{}: `{}` is no MJCF, which would have contact and solver settings of its own",
+                from_root(path),
+                own.robot()
+            );
             if self.settings == "file" {
                 bail!("{said}; leave --settings file out");
             }
@@ -90,14 +93,23 @@ impl Carried {
         }
         let arena = Arena::Solver(SolverSpec::default());
         let mut rows = Vec::new();
-        let mut add = |simulator: &str, [games, still]: [Vec<nerd_train::ppo::Game>; 2], fallen: usize, there: Option<There>| {
-            let (reward, still) = (Reward::of(&games), Reward::of(&still));
-            let beyond = |row: &Row| row.reward.mean - row.still.mean;
-            let row =
-                Row { task: task.clone(), policy: from_root(path), simulator: simulator.into(), reward, still, share: None, fallen, there };
-            let most = beyond(rows.first().unwrap_or(&row));
-            rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
-        };
+        let mut add =
+            |simulator: &str, [games, still]: [Vec<nerd_train::ppo::Game>; 2], fallen: usize, there: Option<There>| {
+                let (reward, still) = (Reward::of(&games), Reward::of(&still));
+                let beyond = |row: &Row| row.reward.mean - row.still.mean;
+                let row = Row {
+                    task: task.clone(),
+                    policy: from_root(path),
+                    simulator: simulator.into(),
+                    reward,
+                    still,
+                    share: None,
+                    fallen,
+                    there,
+                };
+                let most = beyond(rows.first().unwrap_or(&row));
+                rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
+            };
         let here = both.each_ref().map(|own| games(&task, &arena, &own.policy, self.episodes, self.seed));
         let [here, stood] = here.into_iter().collect::<Result<Vec<_>>>()?.try_into().unwrap_or_default();
         let ended = here.iter().filter(|game| game.length < own.episode_length() as f64).count();
@@ -166,7 +178,8 @@ impl Experiment for Carried {
 
     fn measure(&self) -> Result<Measured> {
         let rows = self.folders()?.iter().map(|path| self.rows(path)).collect::<Result<Vec<_>>>()?.concat();
-        let header = ["policy", "simulator", "reward", "keeps still", "share", "falls", "observation", "action", "torque"];
+        let header =
+            ["policy", "simulator", "reward", "keeps still", "share", "falls", "observation", "action", "torque"];
         let line = |r: &Row| {
             let word = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.standard_error);
             let share = r.share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
@@ -176,13 +189,17 @@ impl Experiment for Carried {
                 [Some(observation), Some(action), (there.settings.control == "torques").then_some(torque)]
             });
             let gaps = gaps.map(|gap| gap.map_or_else(|| "-".into(), |x| format!("{x:.0e}")));
-            [short(&r.policy), r.simulator.clone(), word(&r.reward), word(&r.still), share, falls].into_iter().chain(gaps).collect()
+            [short(&r.policy), r.simulator.clone(), word(&r.reward), word(&r.still), share, falls]
+                .into_iter()
+                .chain(gaps)
+                .collect()
         };
         let note = "Mean reward of a game under mean actions, and of a robot that keeps still (all actions 0). Share: (reward - keeps still) / \
                     (the truth's - keeps still). MuJoCo, file: the robot's MJCF with its own contact, solver and actuators; MuJoCo, ours: our \
                     contact translated. Observation, action, torque: largest difference between what the contract's player made of MuJoCo's \
                     states and what task and policy make of them, of the largest number.";
-        let table = Table::new("carried", &header).with(rows.iter().map(line)).noted(&(note.to_string() + &differences(&rows)));
+        let table =
+            Table::new("carried", &header).with(rows.iter().map(line)).noted(&(note.to_string() + &differences(&rows)));
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }
 }

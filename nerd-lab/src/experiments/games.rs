@@ -28,8 +28,16 @@ impl Reward {
         let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
         let succeeded = games.iter().filter(|g| g.error.is_some_and(|error| error <= 1.0)).count();
         let success = games.iter().any(|g| g.error.is_some()).then_some(succeeded as f64 / n);
-        let error = success.map(|_| games.iter().filter_map(|g| g.error).sum::<f64>() / n).filter(|error| error.is_finite());
-        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n, success, error }
+        let error =
+            success.map(|_| games.iter().filter_map(|g| g.error).sum::<f64>() / n).filter(|error| error.is_finite());
+        Self {
+            mean,
+            spread,
+            standard_error: spread / n.sqrt(),
+            length: games.iter().map(|g| g.length).sum::<f64>() / n,
+            success,
+            error,
+        }
     }
 }
 
@@ -49,7 +57,12 @@ impl Compared {
         let finite = |x: f64| Some(x).filter(|x| x.is_finite());
         let (mean, played) = (Reward::of(real), learned.map(Reward::of));
         let gap = played.and_then(|played| finite(gap(mean.mean, played.mean)));
-        Self { real: mean, learned: played, gap, gap_error: learned.and_then(|learned| finite(gap_error(real, learned))) }
+        Self {
+            real: mean,
+            learned: played,
+            gap,
+            gap_error: learned.and_then(|learned| finite(gap_error(real, learned))),
+        }
     }
 }
 

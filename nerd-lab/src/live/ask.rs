@@ -53,7 +53,9 @@ impl Ask {
             Self::Substeps(to) => within("substeps", *to as f64, 1.0..=64.0, "")?,
             Self::Envs(to) => within("envs", *to as f64, 1.0..=MOST as f64, "")?,
             Self::Gravity(to) => within("gravity", *to, 0.0..=30.0, "m/s^2")?,
-            Self::Drag(_, local, target) => local.iter().chain(target).try_for_each(|x| within("drag", *x, -FAR..=FAR, "m"))?,
+            Self::Drag(_, local, target) => {
+                local.iter().chain(target).try_for_each(|x| within("drag", *x, -FAR..=FAR, "m"))?
+            }
             _ => (),
         }
         Ok(ask)

@@ -31,7 +31,12 @@ impl Stick {
         let [x, y, z, i, j, k, w] = solid.pose.map(f64::from);
         let turn = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, i, j, k));
         let end = turn * Vector3::ith(long, half[long] - thick);
-        Some(Self { hue: solid.hue, width: 2.0 * thick, link: solid.link?, ends: [-end, end].map(|end| Point3::new(x, y, z) + end) })
+        Some(Self {
+            hue: solid.hue,
+            width: 2.0 * thick,
+            link: solid.link?,
+            ends: [-end, end].map(|end| Point3::new(x, y, z) + end),
+        })
     }
 
     /// The largest shape of each link.

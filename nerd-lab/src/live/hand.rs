@@ -49,8 +49,9 @@ impl Hand {
         let moves = data.mass_matrix(robot, q).clone().cholesky()?.solve(&jacobian.transpose());
         let gives: Matrix3<f64> = (&jacobian * &moves).fixed_view::<3, 3>(0, 0).into();
         let mut velocity = qd.into_local(robot, q);
-        let speed =
-            Vector3::from_iterator(jacobian.row_iter().map(|row| row.iter().zip(velocity.0.iter()).map(|(a, b)| a * b).sum::<f64>()));
+        let speed = Vector3::from_iterator(
+            jacobian.row_iter().map(|row| row.iter().zip(velocity.0.iter()).map(|(a, b)| a * b).sum::<f64>()),
+        );
         let impulse = law(place, speed, gives);
         velocity.accelerate((moves * impulse).iter(), 1.0);
         velocity.into_twist(robot, q);

@@ -120,10 +120,14 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
             let reply = answer(&asked);
             (asked, reply)
         }
-        Err((code, why)) => (Request { last: true, ..Request::default() }, (code, "text/plain; charset=utf-8", why.as_bytes().into())),
+        Err((code, why)) => {
+            (Request { last: true, ..Request::default() }, (code, "text/plain; charset=utf-8", why.as_bytes().into()))
+        }
     };
     let (length, close) = (text.len(), if asked.last { "Connection: close\r\n" } else { "" });
-    let head = format!("HTTP/1.1 {code} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n{close}\r\n");
+    let head = format!(
+        "HTTP/1.1 {code} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n{close}\r\n"
+    );
     let text = if asked.method == "HEAD" { b"" } else { &text[..] };
     stream.write_all(&[head.as_bytes(), text].concat())?;
     if asked.last {
@@ -162,16 +166,20 @@ fn parsed(bytes: &[u8]) -> Result<Option<Request>, (u16, &'static str)> {
     const LONG: (u16, &str) = (413, "an ask is at most 1024 bytes, and says how many");
     let mut headers = [httparse::EMPTY_HEADER; 64];
     let mut head = httparse::Request::new(&mut headers);
-    let httparse::Status::Complete(begin) = head.parse(bytes).map_err(|_| (400, "this is no HTTP"))? else { return Ok(None) };
+    let httparse::Status::Complete(begin) = head.parse(bytes).map_err(|_| (400, "this is no HTTP"))? else {
+        return Ok(None);
+    };
     let header = |name: &str| {
         let found = head.headers.iter().find(|h| h.name.eq_ignore_ascii_case(name));
         found.map(|h| String::from_utf8_lossy(h.value).into_owned())
     };
     let connection = header("Connection").unwrap_or_default().to_ascii_lowercase();
-    if ["Transfer-Encoding", "Expect"].into_iter().any(|name| header(name).is_some()) || connection.contains("upgrade") {
+    if ["Transfer-Encoding", "Expect"].into_iter().any(|name| header(name).is_some()) || connection.contains("upgrade")
+    {
         return Err(LONG);
     }
-    let length = header("Content-Length").map_or(Ok(0), |n| n.trim().parse::<usize>()).map_err(|_| (400, "no length"))?;
+    let length =
+        header("Content-Length").map_or(Ok(0), |n| n.trim().parse::<usize>()).map_err(|_| (400, "no length"))?;
     if length > BODY {
         return Err(LONG);
     }

@@ -108,7 +108,10 @@ impl World {
         let many = batch.len() > 1;
         self.sticks = if many { Stick::all(&robot.shapes) } else { Vec::new() };
         let solvers: Vec<_> = self.settings.iter().map(SolverSpec::series).collect();
-        let solvers = solvers.iter().zip(&self.settings).map(|(series, own)| own.asked().map_or(own.to_string(), |_| series.to_string()));
+        let solvers = solvers
+            .iter()
+            .zip(&self.settings)
+            .map(|(series, own)| own.asked().map_or(own.to_string(), |_| series.to_string()));
         serde_json::json!({
             "robot": robot, "sticks": self.sticks, "solvers": solvers.collect::<Vec<_>>(), "menu": self.menu, "number": self.number,
             "friction": batch.system.spec.material.friction, "gravity": batch.scenes[0].gravity.norm(),
@@ -130,7 +133,9 @@ impl World {
             Ask::Hold(to) => self.hold = to,
             Ask::Friction(to) => done = self.rub(to),
             Ask::Gravity(to) => self.weigh(to),
-            Ask::Drag(link, local, target) => done = self.grasp(Hand { link, local: local.into(), target: target.into() }),
+            Ask::Drag(link, local, target) => {
+                done = self.grasp(Hand { link, local: local.into(), target: target.into() })
+            }
             Ask::Release => self.hand = None,
             Ask::Robot(to) => done = self.choose(Menu { robot: to, scene: None, policy: 0, ..menu }),
             Ask::Scene(to) => done = self.choose(Menu { scene: Some(to), policy: 0, ..menu }),
@@ -181,7 +186,9 @@ impl World {
     }
 
     fn swap(&mut self, to: usize) -> Result<()> {
-        let Some(setting) = self.settings.get(to) else { bail!("there is no solver {to}; there are {}", self.settings.len()) };
+        let Some(setting) = self.settings.get(to) else {
+            bail!("there is no solver {to}; there are {}", self.settings.len())
+        };
         let solver = setting.solver(&self.system, self.menu.envs)?;
         let simulation = self.act.simulation_mut();
         (simulation.solver, self.solver) = (solver, to);
@@ -191,7 +198,9 @@ impl World {
 
     fn divide(&mut self, substeps: usize) -> Result<()> {
         let setting = match &self.settings[self.solver] {
-            SolverSpec::Articulated(ArticulatedSpec { method: Method::Implicit, substeps: Some(_), .. }) => SolverSpec::implicit(substeps),
+            SolverSpec::Articulated(ArticulatedSpec { method: Method::Implicit, substeps: Some(_), .. }) => {
+                SolverSpec::implicit(substeps)
+            }
             SolverSpec::Rapier(own) => SolverSpec::Rapier(RapierSpec { steps: substeps, ..*own }),
             other => bail!("{other} has substeps of its own; choose another solver"),
         };
@@ -214,14 +223,19 @@ impl World {
 
     fn rub(&mut self, friction: f64) -> Result<()> {
         // What solvers have prepared is of the old friction.
-        let solvers = [self.settings[self.solver].solver(&self.system, self.menu.envs)?, self.truth.solver(&self.system, 1)?];
+        let solvers =
+            [self.settings[self.solver].solver(&self.system, self.menu.envs)?, self.truth.solver(&self.system, 1)?];
         let simulations = [Some(self.act.simulation_mut()), self.ghost.as_mut()];
-        for (simulation, solver) in simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver))) {
+        for (simulation, solver) in
+            simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver)))
+        {
             let mut system = (*simulation.batch.system).clone();
             system.spec.material.friction = friction;
             system.one_friction = Some(friction);
             (simulation.batch.system, simulation.solver) = (system.into(), solver);
-            alter(&mut simulation.batch, |scene| scene.colliders.iter_mut().for_each(|body| body.material.friction = friction));
+            alter(&mut simulation.batch, |scene| {
+                scene.colliders.iter_mut().for_each(|body| body.material.friction = friction)
+            });
         }
         Ok(())
     }
@@ -229,7 +243,9 @@ impl World {
     fn weigh(&mut self, gravity: f64) {
         let ghost = self.ghost.as_mut().map(|ghost| &mut ghost.batch);
         for batch in [Some(&mut self.act.simulation_mut().batch), ghost].into_iter().flatten() {
-            alter(batch, |scene| scene.gravity = scene.gravity.try_normalize(0.0).unwrap_or(-Vector3::z()) * gravity.max(1e-9));
+            alter(batch, |scene| {
+                scene.gravity = scene.gravity.try_normalize(0.0).unwrap_or(-Vector3::z()) * gravity.max(1e-9)
+            });
         }
     }
 

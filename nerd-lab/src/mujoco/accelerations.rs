@@ -28,7 +28,8 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
     python.ask::<String>(&model)?;
     let states: Vec<_> = (0..count).map(|k| state(robot, k)).collect();
     let (dofs, root, coords) = (robot.dofs(), robot.root_dofs(), robot.root_coords());
-    let joints: Vec<_> = robot.links.iter().zip(&dofs).filter_map(|(link, dof)| Some((link.joint.as_ref()?, *dof))).collect();
+    let joints: Vec<_> =
+        robot.links.iter().zip(&dofs).filter_map(|(link, dof)| Some((link.joint.as_ref()?, *dof))).collect();
     let along = DMatrix::from_fn(root + joints.len(), robot.nv(), |row, column| match row.checked_sub(root) {
         None => f64::from(u8::from(row == column)),
         Some(k) if joints[k].1 == column => joints[k].0.ratio(),
@@ -37,7 +38,9 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
     let theirs = states.iter().map(|state| {
         let state = to_mujoco(robot, state);
         let (q, qd) = state.split_at(robot.nq());
-        let positions = joints.iter().map(|(joint, dof)| joint.ratio() * q[coords + dof - root] + joint.mimic().map_or(0.0, |m| m.offset));
+        let positions = joints
+            .iter()
+            .map(|(joint, dof)| joint.ratio() * q[coords + dof - root] + joint.mimic().map_or(0.0, |m| m.offset));
         let rates = &along * nalgebra::DVector::from_column_slice(qd);
         q[..coords].iter().copied().chain(positions).chain(rates.iter().copied()).collect::<Vec<_>>()
     });
@@ -76,7 +79,8 @@ fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
     let local = twist.to_local(robot, q);
     let (mut tau, root) = (vec![0.0; robot.nv()], robot.root_dofs());
     for (k, joint) in robot.joints().enumerate() {
-        tau[root + k] = -joint.damping * local.0[root + k] - joint.stiffness * (q[robot.root_coords() + k] - joint.rest);
+        tau[root + k] =
+            -joint.damping * local.0[root + k] - joint.stiffness * (q[robot.root_coords() + k] - joint.rest);
     }
     let mut out = system.data().forward_dynamics(robot, q, &local, &tau, &system.gravity())?.as_slice().to_vec();
     if robot.floating() {

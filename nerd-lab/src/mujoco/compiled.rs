@@ -81,7 +81,10 @@ fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
     let ours = Ours::of(system)?;
     let surfaces = &system.surfaces.geoms;
     let places = |own: &'_ SurfaceGeom| own.geoms.iter().map(|(place, _)| *place).collect::<Vec<_>>();
-    let all = surfaces.iter().enumerate().flat_map(|(k, own)| places(own).into_iter().map(move |place| ((own.body.as_str(), place), k)));
+    let all = surfaces
+        .iter()
+        .enumerate()
+        .flat_map(|(k, own)| places(own).into_iter().map(move |place| ((own.body.as_str(), place), k)));
     let numbers: HashMap<(&str, usize), usize> = all.collect();
     let number = |geom: &Geom| numbers.get(&(geom.body.as_str(), geom.place)).copied();
     let (mut differences, mut met) = (Vec::new(), HashMap::<_, Vec<&Law>>::new());
@@ -101,7 +104,9 @@ fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
             Some(_) if theirs.len() < surfaces[a].geoms.len() * surfaces[b].geoms.len() => {
                 Some(format!("{} touch here, not in MuJoCo", names()))
             }
-            Some(ours) => theirs.iter().find_map(|law| ours.differs(law)).map(|what| format!("{}: {what} in MuJoCo", names())),
+            Some(ours) => {
+                theirs.iter().find_map(|law| ours.differs(law)).map(|what| format!("{}: {what} in MuJoCo", names()))
+            }
         });
     }
     Ok(differences)
@@ -118,7 +123,11 @@ impl std::fmt::Display for Geom {
 fn named(surface: &SurfaceGeom) -> String {
     let (place, name) = surface.geoms.first().cloned().unwrap_or_default();
     let first = Geom { name, body: surface.body.clone(), place };
-    if surface.geoms.len() < 2 { first.to_string() } else { format!("{first} (and {} like it)", surface.geoms.len() - 1) }
+    if surface.geoms.len() < 2 {
+        first.to_string()
+    } else {
+        format!("{first} (and {} like it)", surface.geoms.len() - 1)
+    }
 }
 
 /// Our contacts, in the scene of the file.
@@ -133,7 +142,8 @@ struct Ours<'a> {
 
 impl<'a> Ours<'a> {
     fn of(system: &'a System) -> Result<Self> {
-        let scene = [GROUND, "base", "free"].into_iter().find(|scene| system.scene_names().contains(scene)).unwrap_or("free");
+        let scene =
+            [GROUND, "base", "free"].into_iter().find(|scene| system.scene_names().contains(scene)).unwrap_or("free");
         let scene = system.scene(scene)?;
         let points = system.robot.contact_points.iter().filter_map(|point| Some((point.surface?, point))).collect();
         let mut colliders = HashMap::<_, Vec<usize>>::new();
@@ -217,7 +227,8 @@ impl Touch {
             ((ours - theirs).abs() > ROUNDING).then(|| format!("{what} {} here, {}", digits(ours), digits(theirs)))
         };
         let friction = all.into_iter().filter(|(_, least, ..)| theirs.condim >= *least);
-        let friction = friction.filter_map(|(what, _, ours, theirs)| apart(what, ours.max(LEAST_FRICTION), theirs.max(LEAST_FRICTION)));
+        let friction = friction
+            .filter_map(|(what, _, ours, theirs)| apart(what, ours.max(LEAST_FRICTION), theirs.max(LEAST_FRICTION)));
         friction.chain(apart("margin", self.margin, theirs.margin)).next()
     }
 }

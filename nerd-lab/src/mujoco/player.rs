@@ -101,9 +101,19 @@ fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
 
 /// Plays one episode in each of `episodes`, from its start, with the policy in the file `onnx`. Their solver must be
 /// analytic or unstepped.
-pub fn play(python: &Path, model: Model, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
+pub fn play(
+    python: &Path,
+    model: Model,
+    onnx: &Path,
+    contract: &Contract,
+    policy: &Policy,
+    mut episodes: Episodes,
+) -> Result<Played> {
     if let Some(unknown) = contract.unknown().first() {
-        bail!("a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here", contract.task);
+        bail!(
+            "a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here",
+            contract.task
+        );
     }
     let (batch, n) = (&episodes.simulation.batch, episodes.len());
     let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());
@@ -126,7 +136,8 @@ pub fn play(python: &Path, model: Model, onnx: &Path, contract: &Contract, polic
     episodes.simulation.solver = Box::new(Hearsay(heard.clone(), Vec::new()));
     let actor = nerd_train::ppo::Actor::new(policy.clone());
     let mut running = nerd_train::ppo::Running::new(&episodes, policy.shape.stack);
-    let (frames, width, seen) = (contract.frames_per_action as usize, contract.action.len(), contract.observation.len());
+    let (frames, width, seen) =
+        (contract.frames_per_action as usize, contract.action.len(), contract.observation.len());
     let mut games: Vec<Option<Game>> = vec![None; n];
     let bar = bar(&format!("steps of {n} games of {} in MuJoCo", contract.task), episodes.task.episode_length());
     for step in 1.. {
@@ -137,8 +148,9 @@ pub fn play(python: &Path, model: Model, onnx: &Path, contract: &Contract, polic
         let goals: Vec<&[f64]> = live.iter().map(|env| episodes.view(*env).goal).collect();
         type Answer = (Vec<f64>, Vec<f64>, Vec<(Vec<f64>, Option<Vec<f64>>)>);
         let answers: Vec<Answer> = python.ask(&json!({ "live": live, "goals": goals }))?;
-        if answers.iter().any(|(o, a, f)| o.len() != seen || a.len() != width || f.len() != frames || f.iter().any(|f| f.0.len() != joints))
-        {
+        if answers.iter().any(|(o, a, f)| {
+            o.len() != seen || a.len() != width || f.len() != frames || f.iter().any(|f| f.0.len() != joints)
+        }) {
             bail!("the Python of MuJoCo answered with other numbers than the contract has");
         }
         let own = actor.mean(&running.stack.rows);

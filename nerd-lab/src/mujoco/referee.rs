@@ -54,7 +54,13 @@ impl Referee {
 
     /// As `new`, with drives following the targets of `held`. With `worlds`, MuJoCo Warp (f32 on a GPU, its own contact
     /// settings) steps this many worlds together in timed runs.
-    pub fn held(python: &Path, batch: &Batch, frames: usize, held: Option<&Held>, worlds: Option<usize>) -> Result<Self> {
+    pub fn held(
+        python: &Path,
+        batch: &Batch,
+        frames: usize,
+        held: Option<&Held>,
+        worlds: Option<usize>,
+    ) -> Result<Self> {
         let (system, first) = (&batch.system, held.map_or(batch.driven(0), |held| &held.rest));
         if held.is_none() && (1..batch.len()).any(|env| batch.driven(env) != first) {
             bail!("drives differ between environments, which the referee of MuJoCo does not take");
@@ -81,7 +87,10 @@ impl Referee {
         let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed, "worlds": self.worlds });
         let ((states, seconds), robot): ((States, Option<f64>), _) = (self.python.ask(&setting)?, &self.robot);
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
-        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
+        Ok(Played {
+            frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(),
+            seconds,
+        })
     }
 }
 
@@ -136,7 +145,9 @@ impl Python {
         let mut command = Command::new(python);
         command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().with_context(cannot)?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else { bail!("{}: it has no pipes", cannot()) };
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
+            bail!("{}: it has no pipes", cannot())
+        };
         Ok(Self { child, input, output: BufReader::new(output) })
     }
 

@@ -44,8 +44,9 @@ impl Settings {
 
     fn words(&self) -> [(&'static str, String); 13] {
         let bounds = |all: &[[f64; 2]]| {
-            let each =
-                all.iter().map(|[low, high]| if low == high { number(*low) } else { format!("{} to {}", number(*low), number(*high)) });
+            let each = all.iter().map(|[low, high]| {
+                if low == high { number(*low) } else { format!("{} to {}", number(*low), number(*high)) }
+            });
             let text = each.collect::<Vec<_>>().join(", ");
             if text.is_empty() { "-".into() } else { text }
         };

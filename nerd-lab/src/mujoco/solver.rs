@@ -21,13 +21,16 @@ impl Mujoco {
 
     fn start(&mut self, batch: &Batch) -> Result<&mut Python> {
         let (system, scene) = (&batch.system, &batch.scenes[0]);
-        if batch.scenes.iter().any(|own| !Arc::ptr_eq(own, scene)) || (0..batch.len()).any(|env| !batch.driven(env).is_empty()) {
+        if batch.scenes.iter().any(|own| !Arc::ptr_eq(own, scene))
+            || (0..batch.len()).any(|env| !batch.driven(env).is_empty())
+        {
             bail!("MuJoCo steps one scene for all, without drives");
         }
         if !self.world.as_ref().is_some_and(|(own, at, _)| Arc::ptr_eq(own, system) && Arc::ptr_eq(at, scene)) {
             let mut python = Python::start(&self.python, REFEREE)?;
             let mjcf = nerd_sim::mjcf::mjcf(system, scene, &[])?;
-            python.ask::<String>(&json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": 0, "starts": [] }))?;
+            python
+                .ask::<String>(&json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": 0, "starts": [] }))?;
             self.world = Some((system.clone(), scene.clone(), python));
         }
         Ok(&mut self.world.as_mut().context("it has just been made")?.2)
@@ -37,8 +40,10 @@ impl Mujoco {
         let (robot, substeps) = (&batch.system.robot, self.substeps);
         let states: Vec<_> = (0..batch.len()).map(|env| to_mujoco(robot, batch.state(env))).collect();
         let force = |own: &[f64]| [vec![0.0; robot.root_dofs()], own.to_vec()].concat();
-        let forces: Vec<_> = (0..batch.len()).map(|env| force(&torques[env * robot.joint_count()..][..robot.joint_count()])).collect();
-        let asked = json!({ "move": states, "forces": forces, "substeps": substeps, "integrator": Scheme::ImplicitFast });
+        let forces: Vec<_> =
+            (0..batch.len()).map(|env| force(&torques[env * robot.joint_count()..][..robot.joint_count()])).collect();
+        let asked =
+            json!({ "move": states, "forces": forces, "substeps": substeps, "integrator": Scheme::ImplicitFast });
         self.start(batch)?.ask(&asked)
     }
 }

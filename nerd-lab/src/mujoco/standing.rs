@@ -10,7 +10,14 @@ const STEP: f64 = 5e-4;
 
 /// MuJoCo's state after `seconds` from `state`, for the MJCF at `path`. `drives` hold the joints; its own actuators are
 /// off. The ground is the file's, or else a plane of MuJoCo's defaults.
-pub fn stand(python: &Path, path: &Path, system: &System, state: &[f64], drives: &[Drive], seconds: f64) -> Result<Vec<f64>> {
+pub fn stand(
+    python: &Path,
+    path: &Path,
+    system: &System,
+    state: &[f64],
+    drives: &[Drive],
+    seconds: f64,
+) -> Result<Vec<f64>> {
     let robot = &system.robot;
     let mut python = Python::start(python, REFEREE)?;
     python.ask::<String>(&json!({ "frame_time": STEP, "frames": 0, "starts": [], "path": path, "floor": true }))?;

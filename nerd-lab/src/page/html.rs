@@ -21,11 +21,14 @@ impl Section {
 
 /// A table that sorts by a clicked column.
 pub fn table(table: &Table) -> String {
-    let row = |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escape(c))).collect::<String>();
+    let row =
+        |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escape(c))).collect::<String>();
     let rows: String = table.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
     let note = if table.note.is_empty() { String::new() } else { format!("<p class=from>{}</p>", escape(&table.note)) };
     let head = row(&table.header, "th");
-    format!("<div class=wide><table class=sorts><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{note}")
+    format!(
+        "<div class=wide><table class=sorts><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>{note}"
+    )
 }
 
 pub fn from(name: &str, provenance: &Provenance) -> String {

@@ -24,8 +24,16 @@ const ROBOTS: [(&str, Cause); 6] = [
     ("anymal", Cause::Release("ground")),
 ];
 
-const TASKS: [&str; 8] =
-    ["cartpole-swingup", "franka-reach", "ant-run", "anymal-forward", "franka-reach-torque", "ant-spin", "ant-spin-track", "anymal-side"];
+const TASKS: [&str; 8] = [
+    "cartpole-swingup",
+    "franka-reach",
+    "ant-run",
+    "anymal-forward",
+    "franka-reach-torque",
+    "ant-spin",
+    "ant-spin-track",
+    "anymal-side",
+];
 
 /// Number of motions on the page, for a progress bar.
 pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
@@ -51,6 +59,7 @@ pub fn page(frames: usize, results: &Path, out: &Path, bar: &Bar) -> Result<()> 
     let links: String = sections.iter().map(|section| section.link.as_str()).collect();
     let body: String = sections.iter().map(|section| section.html.as_str()).collect();
     let script = format!("{}\n{SCRIPT}", replay::SCRIPT);
-    let page = PAGE.replace("STYLE", STYLE).replace("NAVIGATION", &links).replace("SCRIPT", &script).replace("BODY", &body);
+    let page =
+        PAGE.replace("STYLE", STYLE).replace("NAVIGATION", &links).replace("SCRIPT", &script).replace("BODY", &body);
     write(out, page.as_bytes())
 }

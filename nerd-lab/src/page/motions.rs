@@ -36,7 +36,9 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
         Cause::Data => driven(robot, &model(Truth::default(), robot), frames, UNSEEN),
         Cause::Policy(task) => {
             let Some(policy) = policies(&format!("{task}-neural-"))?.into_iter().next() else {
-                bail!("models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`");
+                bail!(
+                    "models/policies has no {task}-neural-*: train one with `cargo xtask policy train {task} --solver neural`"
+                );
             };
             self::policy(&policy, &model(Truth::default(), named(task)?.robot()), frames, 1)
         }
@@ -56,7 +58,13 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
     let recording = record(&system, &mut *ModelConfig::truth_of(model)?.solver(&system), &config, 0, 1)?;
-    beside(&format!("{}, moved at random", system.name), &begin(&system, &config, 0, 1)?, model, &recording.torques, frames)
+    beside(
+        &format!("{}, moved at random", system.name),
+        &begin(&system, &config, 0, 1)?,
+        model,
+        &recording.torques,
+        frames,
+    )
 }
 
 /// Rolls out the model and its truth from one start under torques `[frame][joint]`.
@@ -84,7 +92,8 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
     let mut replay: Option<Replay> = None;
     for (name, solver) in both(&system, model)? {
         let task = named(&config.task)?;
-        let (batch, dt) = (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
+        let (batch, dt) =
+            (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
         replay::record(replay, &name, &actor, &mut episodes, steps)?;

@@ -24,7 +24,11 @@ pub fn robots(results: &Path, names: &[&str], replays: &[Replay]) -> Section {
     let one = |(name, replay): (&&str, &Replay)| {
         let growth = passive.as_ref().ok().and_then(|rows| rows.growth(name)).and_then(|figure| figure.svg().ok());
         let growth = growth.unwrap_or_default() + &picture(results, &format!("motions-{name}/figure.svg"));
-        let growth = if growth.is_empty() { growth } else { folded("How far it errs", &format!("<div class=picture>{growth}</div>")) };
+        let growth = if growth.is_empty() {
+            growth
+        } else {
+            folded("How far it errs", &format!("<div class=picture>{growth}</div>"))
+        };
         card(name, replay, &growth)
     };
     Section::new(
@@ -54,8 +58,9 @@ pub fn stability(manifest: &Manifest, results: &Path) -> Section {
         let StabilityMap { methods, rows } = found.parse().ok()?;
         let methods: String = methods.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
         let rows: String = rows.iter().map(row).collect();
-        let map =
-            format!("<table class='sorts map'><thead><tr><th>row</th><th>limit</th>{methods}</tr></thead><tbody>{rows}</tbody></table>");
+        let map = format!(
+            "<table class='sorts map'><thead><tr><th>row</th><th>limit</th>{methods}</tr></thead><tbody>{rows}</tbody></table>"
+        );
         Some(folded(&escape(about), &format!("<div class=wide>{map}</div>{}", from(name, &found.provenance))))
     };
     let entries = manifest.artefact.iter().filter(|entry| entry.name.starts_with("stability"));

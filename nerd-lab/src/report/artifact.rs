@@ -48,7 +48,10 @@ impl Artifact {
         write_json(&path, self)?;
         if !self.tables.is_empty() {
             let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
-            write(&path.with_file_name("README.md"), format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes())?;
+            write(
+                &path.with_file_name("README.md"),
+                format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes(),
+            )?;
         }
         Ok(())
     }
@@ -79,7 +82,8 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
             there.effort
         );
     }
-    let own = || folder.canonicalize().is_ok_and(|folder| results().canonicalize().is_ok_and(|results| results == folder));
+    let own =
+        || folder.canonicalize().is_ok_and(|folder| results().canonicalize().is_ok_and(|results| results == folder));
     if provenance.dirty() && !there.provenance.dirty() && own() {
         bail!("{}: of a clean checkout; commit your changes first, or write elsewhere (--out out/try)", path.display());
     }
@@ -134,7 +138,9 @@ impl Table {
             Some(one) if one.len() == 1 => one[0].into(),
             several => several.into(),
         };
-        let object = |row: &Vec<String>| self.header.iter().cloned().zip(row.iter().zip(&counts).map(|(c, k)| cell(c, *k))).collect();
+        let object = |row: &Vec<String>| {
+            self.header.iter().cloned().zip(row.iter().zip(&counts).map(|(c, k)| cell(c, *k))).collect()
+        };
         Value::Array(self.rows.iter().map(|row| Value::Object(object(row))).collect())
     }
 }
@@ -143,7 +149,8 @@ impl Table {
 fn numbers(cell: &str) -> Option<Vec<f64>> {
     let number = |part: &str| {
         let digits = part.trim_start_matches(['+', '-']).as_bytes();
-        let printed = matches!(digits, [b'0'] | [b'0', b'.', ..] | [b'1'..=b'9', ..]) || ["NaN", "inf", "-inf"].contains(&part);
+        let printed =
+            matches!(digits, [b'0'] | [b'0', b'.', ..] | [b'1'..=b'9', ..]) || ["NaN", "inf", "-inf"].contains(&part);
         part.parse().ok().filter(|_| printed)
     };
     cell.split(" / ").flat_map(|part| part.split(" +- ")).flat_map(|part| part.split(" ± ")).map(number).collect()

@@ -106,13 +106,19 @@ impl Panel {
         let mut chart = builder.build_cartesian_2d(across, up)?;
         let (tick_x, tick_y) = (|v: &f64| self.x.tick(*v), |v: &f64| self.y.tick(*v));
         let mut mesh = chart.configure_mesh();
-        mesh.x_desc(&self.x.label).y_desc(&self.y.label).label_style(FONT).x_label_formatter(&tick_x).y_label_formatter(&tick_y);
+        mesh.x_desc(&self.x.label)
+            .y_desc(&self.y.label)
+            .label_style(FONT)
+            .x_label_formatter(&tick_x)
+            .y_label_formatter(&tick_y);
         mesh.x_labels(8);
         mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
         for (height, name) in &self.levels {
             let ends = [(x.start, *height), (x.end, *height)];
             chart.draw_series(DashedLineSeries::new(ends, 6, 5, BLACK.mix(0.5).into()))?;
-            chart.draw_series([EmptyElement::at(ends[0]) + Text::new(name.clone(), (10, -16), FONT.into_font().color(&BLACK.mix(0.7)))])?;
+            chart
+                .draw_series([EmptyElement::at(ends[0])
+                    + Text::new(name.clone(), (10, -16), FONT.into_font().color(&BLACK.mix(0.7)))])?;
         }
         self.draw_series(&mut chart, names)
     }
@@ -128,8 +134,12 @@ impl Panel {
             let points = shown().map(|p| (p.x, p.y));
             let width = if series.name.is_empty() { 5 } else { 2 };
             match series.style {
-                Style::Line | Style::Marked => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?),
-                Style::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?),
+                Style::Line | Style::Marked => {
+                    drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?)
+                }
+                Style::Dashed => {
+                    drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?)
+                }
             }
             if series.style == Style::Marked {
                 for point in shown() {

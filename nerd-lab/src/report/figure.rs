@@ -66,7 +66,12 @@ impl Figure {
     }
 
     /// Error against cost, with the labels of both axes. Each series is a line; a staircase connects the front.
-    pub fn speed<'a>(title: String, axes: [String; 2], marks: impl IntoIterator<Item = Mark<'a>>, levels: Vec<(f64, String)>) -> Self {
+    pub fn speed<'a>(
+        title: String,
+        axes: [String; 2],
+        marks: impl IntoIterator<Item = Mark<'a>>,
+        levels: Vec<(f64, String)>,
+    ) -> Self {
         let (mut front, mut series): (Vec<(f64, f64)>, Vec<Series>) = (Vec::new(), Vec::new());
         for mark in marks {
             front.extend(mark.front.then_some((mark.cost, mark.error)));
@@ -118,7 +123,8 @@ impl Axis {
 
     /// Range of all shown values, with a margin.
     pub(super) fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
-        let (low, high) = values.filter(|v| self.shows(*v)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
+        let (low, high) =
+            values.filter(|v| self.shows(*v)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         let none = low > high;
         match (none, self.log) {
             (true, true) => 0.1..10.0,
@@ -155,6 +161,10 @@ mod tests {
     #[test]
     fn the_front_is_what_nothing_else_of_the_race_beats() {
         let race = [Some((4.0, 0.1)), Some((1.0, 0.5)), Some((2.0, 0.6)), None, Some((1.0, 0.7))];
-        assert_eq!(unbeaten(&race), [true, true, false, false, false], "neither the beaten nor what is not in the race");
+        assert_eq!(
+            unbeaten(&race),
+            [true, true, false, false, false],
+            "neither the beaten nor what is not in the race"
+        );
     }
 }

@@ -53,7 +53,12 @@ impl Input {
         let system = System::named(robot)?;
         let begun = begun(&system, &system.scene(scene)?, 1, Start::Reset, 1);
         let batch = rolled(begun, &mut *solver.solver(&system, 1)?, FRAMES)?;
-        Ok(Self::Motion { robot: robot.into(), scene: scene.into(), solver: solver.clone(), state: batch.state(0).to_vec() })
+        Ok(Self::Motion {
+            robot: robot.into(),
+            scene: scene.into(),
+            solver: solver.clone(),
+            state: batch.state(0).to_vec(),
+        })
     }
 
     /// The present version of this input; `None` for data from outside.
@@ -99,7 +104,8 @@ impl Inputs {
         }
     }
 
-    /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as [`System::named`] knows it.
+    /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as
+    /// [`System::named`] knows it.
     pub fn solver(&mut self, spec: &SolverSpec, robot: &str, scene: &str) -> Result<()> {
         self.add(match spec.folder() {
             Some(folder) => Input::model(folder)?,

@@ -71,8 +71,11 @@ impl Manifest {
     /// Results in the folder that the manifest does not list.
     pub fn strangers(&self, folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        let names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).filter(|name| file(folder, name).exists());
-        let mut strangers: Vec<String> = names.filter(|name| self.artefact.iter().all(|entry| entry.name != *name)).collect();
+        let names = entries
+            .map(|entry| entry.file_name().to_string_lossy().into_owned())
+            .filter(|name| file(folder, name).exists());
+        let mut strangers: Vec<String> =
+            names.filter(|name| self.artefact.iter().all(|entry| entry.name != *name)).collect();
         strangers.sort();
         strangers
     }
@@ -111,7 +114,8 @@ impl Entry {
 
 /// A command line without the parts that do not affect a result: the program's name, `--out` and `--json`.
 fn plain(command: &str) -> String {
-    let called = ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));
+    let called =
+        ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));
     let mut words = called.unwrap_or(command).split_whitespace();
     let mut kept = Vec::new();
     while let Some(word) = words.next() {

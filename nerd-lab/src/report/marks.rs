@@ -46,7 +46,9 @@ impl Marks {
     }
 
     fn figure(&mut self, mark: &str) -> Result<String> {
-        let Some((name, pointer)) = mark.split_once(' ') else { bail!("`{mark}`: a result and a JSON pointer are needed") };
+        let Some((name, pointer)) = mark.split_once(' ') else {
+            bail!("`{mark}`: a result and a JSON pointer are needed")
+        };
         match self.result(name)?.1.pointer(pointer).map(Value::as_f64) {
             Some(Some(x)) => Ok(digits(x)),
             Some(None) => bail!("`{mark}`: no number is there"),
@@ -74,7 +76,9 @@ fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -
     while let Some(at) = rest.find(open) {
         let (before, after) = rest.split_at(at);
         let end = after.find("-->").zip(after.find(close)).filter(|(a, b)| a < b);
-        let Some((mark, stop)) = end else { bail!("a mark is not closed: {}", after.lines().next().unwrap_or_default()) };
+        let Some((mark, stop)) = end else {
+            bail!("a mark is not closed: {}", after.lines().next().unwrap_or_default())
+        };
         done += before;
         done += &after[..mark + 3];
         done += &fill(after[open.len()..mark].trim())?;
@@ -123,8 +127,9 @@ fn bare(line: &str) -> String {
 fn decimals(line: &str) -> Vec<String> {
     let words = line.split(|c: char| !(c.is_ascii_digit() || c == '.'));
     let decimal = |word: &&str| {
-        word.split_once('.')
-            .is_some_and(|(a, b)| !b.is_empty() && b.bytes().all(|c| c.is_ascii_digit()) && a.bytes().all(|c| c.is_ascii_digit()))
+        word.split_once('.').is_some_and(|(a, b)| {
+            !b.is_empty() && b.bytes().all(|c| c.is_ascii_digit()) && a.bytes().all(|c| c.is_ascii_digit())
+        })
     };
     words.map(|word| word.trim_end_matches('.')).filter(decimal).map(String::from).collect()
 }
@@ -143,7 +148,8 @@ mod tests {
     #[test]
     fn what_stands_between_marks_is_replaced_and_the_marks_stay() {
         let filled =
-            between("a <!--= x /y -->old<!--/--> b <!--= z /w -->old<!--/-->", FIGURE, |mark| Ok(mark.to_uppercase())).expect("closed");
+            between("a <!--= x /y -->old<!--/--> b <!--= z /w -->old<!--/-->", FIGURE, |mark| Ok(mark.to_uppercase()))
+                .expect("closed");
         assert_eq!(filled, "a <!--= x /y -->X /Y<!--/--> b <!--= z /w -->Z /W<!--/-->");
         assert!(between("<!--= x /y -->1", FIGURE, |_| Ok(String::new())).is_err(), "an open mark was filled");
     }

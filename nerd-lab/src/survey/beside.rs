@@ -31,7 +31,12 @@ struct Beside {
 
 impl Beside {
     /// Compares a file; `why` converts an error to the text of its row.
-    fn of(Found { path, .. }: &Found, system: &Arc<System>, python: &Path, why: impl Fn(Error) -> String) -> Result<Self, String> {
+    fn of(
+        Found { path, .. }: &Found,
+        system: &Arc<System>,
+        python: &Path,
+        why: impl Fn(Error) -> String,
+    ) -> Result<Self, String> {
         let apart = apart(python, path, system, STATES).map_err(&why);
         if !text(path).is_ok_and(|text| is_mjcf(&text)) {
             return Ok(Self { apart, sizes: None, stands: None, differences: Vec::new() });
@@ -105,12 +110,18 @@ pub fn beside(files: &[Found], python: &Path) -> Table {
     );
     let rows = files.iter().zip(&all).map(|(found, one)| {
         let (gap, sizes, height, verdict) = match one {
-            Ok(one) => (one.apart.as_ref().map_or("-".into(), |gap| format!("{gap:.1e}")), one.sizes, one.height(), one.verdict()),
+            Ok(one) => (
+                one.apart.as_ref().map_or("-".into(), |gap| format!("{gap:.1e}")),
+                one.sizes,
+                one.height(),
+                one.verdict(),
+            ),
             Err(reason) => ("-".into(), None, "-".into(), format!("refused: {reason}")),
         };
         let sizes = sizes.map_or(["-"; 2].map(String::from), |sizes| sizes.map(|n| n.to_string()));
         [found.name.clone(), gap].into_iter().chain(sizes).chain([height, verdict]).collect()
     });
-    let header = ["file", "accelerations apart from MuJoCo's", "moving bodies", "pairs", "higher (mm), turned", "beside MuJoCo"];
+    let header =
+        ["file", "accelerations apart from MuJoCo's", "moving bodies", "pairs", "higher (mm), turned", "beside MuJoCo"];
     Table::new("beside_mujoco", &header).with(rows).noted(&note)
 }

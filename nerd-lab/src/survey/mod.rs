@@ -42,16 +42,17 @@ pub fn read(files: &[Found]) -> (Table, Vec<String>) {
 }
 
 fn row(robot: &Surveyed) -> Vec<String> {
-    let sizes = robot
-        .sizes
-        .map_or(["-"; 4].map(String::from), |s| [s.links.to_string(), s.joints.to_string(), digits(s.mass), s.meshes.to_string()]);
+    let sizes = robot.sizes.map_or(["-"; 4].map(String::from), |s| {
+        [s.links.to_string(), s.joints.to_string(), digits(s.mass), s.meshes.to_string()]
+    });
     let found = |moves: &Result<usize, String>| match moves {
         Ok(0) => "ok: nothing to move".into(),
         Ok(4) => "ok".into(),
         Ok(substeps) => format!("ok at {substeps} substeps"),
         Err(reason) => reason.clone(),
     };
-    let floating = if robot.fixed.is_err() && robot.fixed == robot.floating { "the same".into() } else { found(&robot.floating) };
+    let floating =
+        if robot.fixed.is_err() && robot.fixed == robot.floating { "the same".into() } else { found(&robot.floating) };
     [robot.name.clone()].into_iter().chain(sizes).chain([found(&robot.fixed), floating]).collect()
 }
 

@@ -58,7 +58,8 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
 /// Runs `of`; a panic becomes an error that asks for a report.
 pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
-        let said = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
+        let said =
+            panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
         Err(format!("panic, please report: {}", said.unwrap_or_default().replace('\n', " ")))
     })
 }
@@ -71,7 +72,11 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
     let system = Arc::new(system);
     let scene = system.scene("free").map_err(|e| reason(&e, name))?;
     let frames = |substeps| {
-        let config = ArticulatedConfig { substeps, contact_substeps: substeps, ..ArticulatedConfig::converged(Friction::Coulomb) };
+        let config = ArticulatedConfig {
+            substeps,
+            contact_substeps: substeps,
+            ..ArticulatedConfig::converged(Friction::Coulomb)
+        };
         let (mut solver, mut batch) = (Articulated::new(config), Batch::new(&system, &scene, 1));
         // Drives need the implicit step; these have no effect.
         let idle = if system.robot.nv() > DEEP { system.robot.joint_count() } else { 0 };
@@ -97,7 +102,11 @@ pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
 }
 
 fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
-    let inside = if path.is_dir() { std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>).ok() } else { None };
+    let inside = if path.is_dir() {
+        std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>).ok()
+    } else {
+        None
+    };
     let Some(mut inside) = inside else {
         files.push(Found { path: path.into(), name: path.strip_prefix(above).unwrap_or(path).display().to_string() });
         return;

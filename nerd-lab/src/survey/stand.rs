@@ -34,7 +34,8 @@ pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: 
     let small = robot.nv() <= MOST && robot.floating() && !robot.contact_points.is_empty();
     small.then(|| {
         let state = set_down(system);
-        let drives: Vec<_> = holding(system, &state).into_iter().map(|drive| Drive { effort: f64::INFINITY, ..drive }).collect();
+        let drives: Vec<_> =
+            holding(system, &state).into_iter().map(|drive| Drive { effort: f64::INFINITY, ..drive }).collect();
         let theirs = stood(python, path, system, &state, &drives, seconds)?;
         let scene = system.scene(if system.all_scenes().contains(&GROUND) { GROUND } else { "plane" })?;
         let [_, ours] = rolls(system, &scene, &state, &drives, (seconds / system.frame_time).round() as usize)?;
@@ -50,23 +51,36 @@ pub fn verdict(system: &Arc<System>, seconds: f64) -> String {
 fn tried(system: &Arc<System>, seconds: f64) -> Result<String> {
     let (robot, state) = (&system.robot, set_down(system));
     if robot.nv() > MOST {
-        return Ok(format!("whether it stands is not tried: with {} degrees of freedom a second of simulation takes long", robot.nv()));
+        return Ok(format!(
+            "whether it stands is not tried: with {} degrees of freedom a second of simulation takes long",
+            robot.nv()
+        ));
     }
     if robot.floating() && robot.contact_points.is_empty() {
         return Ok("it falls: it has nothing to touch the ground with".into());
     }
     let scene = system.scene(if robot.floating() { "plane" } else { "free" })?;
     let frames = (seconds / system.frame_time).ceil() as usize;
-    let after = |drives: &[Drive]| rolls(system, &scene, &state, drives, frames).map(|last| ended(system, &state, &last));
+    let after =
+        |drives: &[Drive]| rolls(system, &scene, &state, drives, frames).map(|last| ended(system, &state, &last));
     let limp = after(&[])?;
     Ok(match robot.joint_count() {
         0 => format!("after {seconds} s it {limp}"),
-        _ => format!("after {seconds} s, joints held by drives, it {}; limp, it {limp}", after(&holding(system, &state))?),
+        _ => format!(
+            "after {seconds} s, joints held by drives, it {}; limp, it {limp}",
+            after(&holding(system, &state))?
+        ),
     })
 }
 
 /// The last two states of `frames` frames with the preset `accurate`.
-fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Drive], frames: usize) -> Result<[Vec<f64>; 2]> {
+fn rolls(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    state: &[f64],
+    drives: &[Drive],
+    frames: usize,
+) -> Result<[Vec<f64>; 2]> {
     let (mut batch, mut solver) = (Batch::new(system, scene, 1), Articulated::new(ArticulatedConfig::accurate(system)));
     batch.reset(0, state);
     batch.drives = drives.to_vec();
@@ -87,11 +101,12 @@ fn lowest(system: &System, state: &[f64]) -> f64 {
 fn ended(system: &System, start: &[f64], [before, last]: &[Vec<f64>; 2]) -> String {
     let robot = &system.robot;
     let (coords, rates) = (robot.root_coords(), robot.nq() + robot.root_dofs());
-    let unit = |k: usize| if robot.joints().nth(k).is_some_and(|j| j.kind == JointKind::Prismatic) { "m" } else { "rad" };
+    let unit =
+        |k: usize| if robot.joints().nth(k).is_some_and(|j| j.kind == JointKind::Prismatic) { "m" } else { "rad" };
     let name = |k: usize| robot.joints().nth(k).map_or("", |joint| &joint.name);
     let most = |x: Vec<f64>| x.into_iter().map(f64::abs).enumerate().max_by(|a, b| a.1.total_cmp(&b.1));
-    let fastest =
-        most(last[rates..].to_vec()).map_or(String::new(), |(k, v)| format!(", fastest `{}` at {} {}/s", name(k), digits(v), unit(k)));
+    let fastest = most(last[rates..].to_vec())
+        .map_or(String::new(), |(k, v)| format!(", fastest `{}` at {} {}/s", name(k), digits(v), unit(k)));
     if robot.floating() {
         let up = up(&system.gravity());
         let [from, height] = [start, last].map(|state| up.dot(&vector(state)));

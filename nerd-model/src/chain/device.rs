@@ -24,7 +24,13 @@ pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, col
 pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
     text.define([("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)]);
-    let lengths = [("LENGTH", chain.length), ("RADIUS", chain.radius), ("FRAME", chain.frame_time), ("REACH", REACH), ("QUICK", QUICK)];
+    let lengths = [
+        ("LENGTH", chain.length),
+        ("RADIUS", chain.radius),
+        ("FRAME", chain.frame_time),
+        ("REACH", REACH),
+        ("QUICK", QUICK),
+    ];
     text.define(lengths.map(|(name, x)| (name, number(x))));
     text.table("double", "HOME", chain.home.iter().copied());
     text.table("double", "STIFFNESS", chain.stiffness);

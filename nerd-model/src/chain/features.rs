@@ -41,13 +41,22 @@ pub struct Look {
 impl Look {
     /// Finds contacts and gripper motion. `contact` returns the nearest surface at a position; `torques` (N, N m) act
     /// on the gripper's six axes.
-    pub fn at(chain: &Chain, rods: &Rods, torques: &[f64], mut contact: impl FnMut(&Vector3<f64>) -> ContactEvent) -> Self {
+    pub fn at(
+        chain: &Chain,
+        rods: &Rods,
+        torques: &[f64],
+        mut contact: impl FnMut(&Vector3<f64>) -> ContactEvent,
+    ) -> Self {
         let [nodes, velocities] = chain.nodes(rods);
         let touch = |node: &Vector3<f64>| {
             let event = contact(node);
             let gap = event.distance - chain.radius;
             // NaN is kept, so that it is reported.
-            if gap >= REACH { Touch { normal: Vector3::zeros(), gap: REACH } } else { Touch { normal: event.normal, gap } }
+            if gap >= REACH {
+                Touch { normal: Vector3::zeros(), gap: REACH }
+            } else {
+                Touch { normal: event.normal, gap }
+            }
         };
         Self { touches: nodes.iter().map(touch).collect(), velocities, glided: chain.glide(&rods.gripper, torques) }
     }
@@ -73,8 +82,8 @@ impl Look {
         }
     }
 
-    /// Adjoint of [`Look::tokens`]: adds to `gradient` the gradient with respect to the rods, from gradients with respect
-    /// to tokens, `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
+    /// Adjoint of [`Look::tokens`]: adds to `gradient` the gradient with respect to the rods, from gradients with
+    /// respect to tokens, `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
     pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], gradient: &mut Rods) -> Gripper {
         let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
         let mut ahead = [Vector3::zeros(); 4];
@@ -83,9 +92,11 @@ impl Look {
             gradient.along[k] += at(0);
             gradient.rates[k] += at(3) * 0.1;
             let speed = self.velocities[k].dot(normal);
-            let (sharp, soon) = ((4.0 * gap / chain.radius).tanh(), ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh());
+            let (sharp, soon) =
+                ((4.0 * gap / chain.radius).tanh(), ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh());
             let by_soon = f64::from(row[16]) * (1.0 - soon * soon) / (0.75 * chain.radius);
-            let by_gap = 20.0 * f64::from(row[12]) - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius
+            let by_gap = 20.0 * f64::from(row[12])
+                - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius
                 + f64::from(row[14]) * (1.0 - sharp * sharp) * 4.0 / chain.radius
                 + by_soon;
             // Beyond reach the normal is zero, so the gap has no gradient.

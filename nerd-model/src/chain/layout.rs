@@ -56,7 +56,10 @@ impl Chain {
         let joints: Vec<&Joint> = robot.links.iter().filter_map(|link| link.joint.as_ref()).collect();
         let in_line = robot.links.iter().enumerate().all(|(i, link)| link.parent == i.checked_sub(1));
         if robot.mimics() || !in_line || joints.len() < AXES + 4 || !joints.len().is_multiple_of(2) {
-            return Err("a gripper's six axes and at least two rods on two hinges each, one behind the other, are needed".into());
+            return Err(
+                "a gripper's six axes and at least two rods on two hinges each, one behind the other, are needed"
+                    .into(),
+            );
         }
         let length = joints[AXES + 2].origin().translation.vector.x;
         joints.iter().enumerate().try_for_each(|(i, joint)| fits(i, joint, length))?;

@@ -69,7 +69,12 @@ impl Chain {
     pub fn rods(&self, state: &[f64]) -> Rods {
         let (q, qd) = state.split_at(self.coordinates());
         let vector = |x: &[f64], first: usize| Vector3::new(x[first], x[first + 1], x[first + 2]);
-        let gripper = Gripper { at: self.home + vector(q, 0), velocity: vector(qd, 0), angles: vector(q, 3), rates: vector(qd, 3) };
+        let gripper = Gripper {
+            at: self.home + vector(q, 0),
+            velocity: vector(qd, 0),
+            angles: vector(q, 3),
+            rates: vector(qd, 3),
+        };
         let mut axes = Axes::of(&gripper);
         let (mut along, mut rates) = (Vec::with_capacity(self.rods), Vec::with_capacity(self.rods));
         for k in (6..q.len()).step_by(2) {

@@ -50,7 +50,9 @@ impl ChainSolver {
         let Normalizer { inputs, outputs } = normalizer;
         let scale: Vec<f64> = outputs.scale().collect();
         match scale.try_into() {
-            Ok(scale) if *inputs == Moments::identity(inputs.mean.len()) && outputs.mean.iter().all(|m| *m == 0.0) => Ok(scale),
+            Ok(scale) if *inputs == Moments::identity(inputs.mean.len()) && outputs.mean.iter().all(|m| *m == 0.0) => {
+                Ok(scale)
+            }
             _ => Err("its normaliser is of another kind of model".into()),
         }
     }
@@ -59,9 +61,13 @@ impl ChainSolver {
 impl Solver for ChainSolver {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check(batch, torques, &mut self.faults)?;
-        let (gravity, d, joints) = (batch.system.gravity(), batch.system.robot.state_dim(), batch.system.robot.joint_count());
+        let (gravity, d, joints) =
+            (batch.system.gravity(), batch.system.robot.state_dim(), batch.system.robot.joint_count());
         if joints != 6 + 2 * self.chain.rods {
-            return Err(StepError::Solver(format!("a chain of {} rods was learned, the robot has {joints} joints", self.chain.rods)));
+            return Err(StepError::Solver(format!(
+                "a chain of {} rods was learned, the robot has {joints} joints",
+                self.chain.rods
+            )));
         }
         for (env, scene) in batch.scenes.iter().enumerate() {
             if scene.gravity != gravity && self.faults.iter().all(|fault| fault.env != env) {
@@ -73,20 +79,25 @@ impl Solver for ChainSolver {
         self.next.extend_from_slice(&batch.states);
         let size = batch.len().div_ceil(rayon::current_num_threads()).max(1);
         self.work.resize_with(batch.len().div_ceil(size), Work::default);
-        let (chain, network, scale, rows, before, aside) = (&self.chain, &self.network, &self.scale, &self.rows, &*batch, &self.faults);
-        self.next.par_chunks_mut(size * d).zip(&mut self.work).enumerate().for_each(|(i, (next, Work { memory, tokens }))| {
-            for (env, next) in (i * size..).zip(next.chunks_exact_mut(d)) {
-                if aside.iter().any(|fault| fault.env == env) {
-                    continue;
+        let (chain, network, scale, rows, before, aside) =
+            (&self.chain, &self.network, &self.scale, &self.rows, &*batch, &self.faults);
+        self.next.par_chunks_mut(size * d).zip(&mut self.work).enumerate().for_each(
+            |(i, (next, Work { memory, tokens }))| {
+                for (env, next) in (i * size..).zip(next.chunks_exact_mut(d)) {
+                    if aside.iter().any(|fault| fault.env == env) {
+                        continue;
+                    }
+                    let rods = chain.rods(before.state(env));
+                    let look = Look::at(chain, &rods, &torques[env * joints..][..joints], |place| {
+                        before.scenes[env].contact(place)
+                    });
+                    tokens.clear();
+                    look.tokens(chain, &rods, tokens);
+                    let numbers = network.forward(tokens, memory, Pass::Windows(chain.rods, rows));
+                    chain.state(&chain.advance(&rods, &look.glided, Outputs { numbers, scale }), next);
                 }
-                let rods = chain.rods(before.state(env));
-                let look = Look::at(chain, &rods, &torques[env * joints..][..joints], |place| before.scenes[env].contact(place));
-                tokens.clear();
-                look.tokens(chain, &rods, tokens);
-                let numbers = network.forward(tokens, memory, Pass::Windows(chain.rods, rows));
-                chain.state(&chain.advance(&rods, &look.glided, Outputs { numbers, scale }), next);
-            }
-        });
+            },
+        );
         commit(batch, &mut self.next, &mut self.faults)
     }
 }

@@ -46,8 +46,8 @@ impl Chain {
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + outputs.vector(k, 3))
     }
 
-    /// Adjoint of [`Chain::advance`]: adds the gradient with respect to `before` to `gradient`. Returns the gradient with
-    /// respect to the outputs, `[rod][OUTPUTS]`. The gradient with respect to `glided` is `upstream.gripper`; the
+    /// Adjoint of [`Chain::advance`]: adds the gradient with respect to `before` to `gradient`. Returns the gradient
+    /// with respect to the outputs, `[rod][OUTPUTS]`. The gradient with respect to `glided` is `upstream.gripper`; the
     /// caller adds it.
     pub fn advance_back(&self, before: &Rods, outputs: Outputs, upstream: &Rods, gradient: &mut Rods) -> Vec<f32> {
         let mut by_outputs = vec![0.0; self.rods * OUTPUTS];

@@ -24,7 +24,11 @@ pub const LANES: usize = 4;
 /// One kernel for a network over windows of `tokens` tokens, `[T][padded inputs]`: a chain's, or in f16 a residual
 /// network (`program/networks.rs`). `None` for other networks, or if the network does not fit.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
-    if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens) }
+    if products == Products::F16 {
+        residual::residual(program).filter(|_| tokens == 1)
+    } else {
+        whole::chain(program, tokens)
+    }
 }
 
 /// The kernels for models of `system` with this form and normaliser, for scenes within `reach`.
@@ -32,8 +36,8 @@ pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: 
     token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
 }
 
-/// A frame and its adjoint in 64 bits: kernels `gradients_look`, `gradients_said` and `gradients_back`. The network runs between
-/// them.
+/// A frame and its adjoint in 64 bits: kernels `gradients_look`, `gradients_said` and `gradients_back`. The network
+/// runs between them.
 pub fn gradient_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
     let functions = token_functions(form, normalizer, system, Real::F64, reach);
     functions + include_str!("tokens_back.cuh") + include_str!("gradients_frame.cuh")
@@ -59,7 +63,9 @@ fn token_functions(
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };
-    text.define([("TRAPEZOID", time), ("FRAME_TIME", system.frame_time), ("NEAR", NEAR)].map(|(name, x)| (name, number(x))));
+    text.define(
+        [("TRAPEZOID", time), ("FRAME_TIME", system.frame_time), ("NEAR", NEAR)].map(|(name, x)| (name, number(x))),
+    );
     let (inputs, outputs) = (&normalizer.inputs, &normalizer.outputs);
     text.table("int", "WAVES", robot.joints().map(|joint| if moving { waves(joint) as f64 } else { 0.0 }));
     text.table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()));

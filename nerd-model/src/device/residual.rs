@@ -38,7 +38,8 @@ pub(super) fn residual(program: &Program) -> Option<Whole> {
     let mut text = Text::default();
     text.define([("T", 1), ("WINDOWS", ROWS), ("ROWS", ROWS), ("WARPS", WARPS), ("AHEAD", AHEAD), ("LAYERS", layers)]);
     text.define([("INPUTS", padded(inputs)), ("TAKEN", taken), ("E", e), ("OUTPUTS", outputs), ("FLOATS", floats)]);
-    let text = [&text.0, include_str!("whole.cuh"), include_str!("whole_f16.cuh"), include_str!("whole_main.cuh")].concat();
+    let text =
+        [&text.0, include_str!("whole.cuh"), include_str!("whole_f16.cuh"), include_str!("whole_main.cuh")].concat();
     Some(Whole { text, threads: 32 * WARPS, windows: ROWS, shared: 4 * floats, products: Products::F16 })
 }
 
@@ -52,7 +53,8 @@ impl Whole {
 /// Matrices of E columns in order of use as pairs of f16, then biases and norm weights, E numbers each.
 fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     let e = program.steps.first().map_or(0, |step| program.width(step.to));
-    let mut tensors = program.tensors.iter().zip(program.starts()).map(|(t, at)| (&t.shape[..], &flat[at..at + t.len()])).peekable();
+    let mut tensors =
+        program.tensors.iter().zip(program.starts()).map(|(t, at)| (&t.shape[..], &flat[at..at + t.len()])).peekable();
     let (mut words, mut vectors) = (Vec::new(), Vec::new());
     while let Some((shape, x)) = tensors.next() {
         match (shape, tensors.peek()) {
@@ -73,7 +75,12 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
             // too.
             ([rows, columns], _) => {
                 for part in [f16::from_f32, |x| f16::from_f32(x - f16::from_f32(x).to_f32()), f16::from_f32] {
-                    pack(&mut words, *rows, e, |row, c| if c < *columns { part(x[row * columns + c]) } else { f16::ZERO });
+                    pack(
+                        &mut words,
+                        *rows,
+                        e,
+                        |row, c| if c < *columns { part(x[row * columns + c]) } else { f16::ZERO },
+                    );
                 }
             }
             _ => {}
@@ -87,8 +94,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
 /// rows, eight rows apart.
 fn pack(words: &mut Vec<f32>, rows: usize, e: usize, x: impl Fn(usize, usize) -> f16) {
     let at = |row: usize, c: usize| if row < rows { u32::from(x(row, c).to_bits()) } else { 0 };
-    for (step, tile, lane) in
-        (0..rows.next_multiple_of(TURN) / 16).flat_map(|s| (0..e / 8).flat_map(move |t| (0..32).map(move |l| (s, t, l))))
+    for (step, tile, lane) in (0..rows.next_multiple_of(TURN) / 16)
+        .flat_map(|s| (0..e / 8).flat_map(move |t| (0..32).map(move |l| (s, t, l))))
     {
         let (row, c) = (16 * step + 2 * (lane % 4), 8 * tile + lane / 4);
         words.extend([row, row + 8].map(|row| f32::from_bits(at(row, c) | at(row + 1, c) << 16)));

@@ -59,7 +59,11 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     // Strides and sizes of the residual stream h, the normalised rows and the activations.
     let (row, size) = (apart(e), tokens * apart(e));
 
-    let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
+    let linear = |step: &Step,
+                  (x, apart_x): (&str, usize),
+                  (parts, off): (usize, usize),
+                  (y, apart_y): (&str, usize),
+                  f: &str| {
         let Op::Linear { weight, bias, add, .. } = step.op else { return None };
         let (inner, wide) = (program.width(step.from) / parts, program.width(step.to));
         let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| format!("w + {}", starts[bias.0]));

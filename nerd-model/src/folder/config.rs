@@ -73,7 +73,9 @@ impl ModelConfig {
     /// Refuses a model for another robot's name or another truth (if one is given), or with widths that do not fit the
     /// robot.
     pub(super) fn check(&self, folder: &Path, system: &System, truth: Option<&str>) -> Result<(), ModelError> {
-        for (what, found, wanted) in [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))] {
+        for (what, found, wanted) in
+            [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))]
+        {
             if found != wanted {
                 return Err(wrong(folder, format!("this model learned {what} `{found}`, not `{wanted}`")));
             }

@@ -41,12 +41,18 @@ impl Model {
         if *robot_sha256 != at_hand {
             let (learned, this) = (short(robot_sha256), short(&at_hand));
             let differ = "its masses, joints, limits or contact points differ";
-            return Err(wrong(folder, format!("learned robot `{robot}` with hash `{learned}`, this one has `{this}`: {differ}")));
+            return Err(wrong(
+                folder,
+                format!("learned robot `{robot}` with hash `{learned}`, this one has `{this}`: {differ}"),
+            ));
         }
         if *model_sha256 != read {
             let (read, written) = (short(&read), short(model_sha256));
             let hashes = format!("hash `{read}`, `config.json` was written with `{written}`");
-            return Err(wrong(folder, format!("its network, normaliser and weights have {hashes}: one of its files has been changed")));
+            return Err(wrong(
+                folder,
+                format!("its network, normaliser and weights have {hashes}: one of its files has been changed"),
+            ));
         }
         Ok(model)
     }
@@ -58,7 +64,9 @@ impl Model {
         let path = folder.join("normalizer.json");
         let normalizer: Normalizer = read_json(&path)?;
         let (inputs, outputs) = (config.network.inputs, config.network.outputs);
-        for (name, moments, width) in [("inputs", &normalizer.inputs, inputs), ("outputs", &normalizer.outputs, outputs)] {
+        for (name, moments, width) in
+            [("inputs", &normalizer.inputs, inputs), ("outputs", &normalizer.outputs, outputs)]
+        {
             check(moments, width).map_err(|reason| wrong(&path, format!("{name}: {reason}")))?;
         }
         let path = folder.join("model.safetensors");
@@ -108,7 +116,12 @@ impl Model {
         let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let config_path = folder.join("config.json");
         let config = json(&config, &config_path)?;
-        let files = [(moments_path, moments), (folder.join("README.md"), card.into()), (weights_path, bytes), (config_path, config)];
+        let files = [
+            (moments_path, moments),
+            (folder.join("README.md"), card.into()),
+            (weights_path, bytes),
+            (config_path, config),
+        ];
         files.iter().try_for_each(|(path, bytes)| write(path, bytes).map_err(|e| wrong(path, e)))
     }
 }

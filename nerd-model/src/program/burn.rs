@@ -36,7 +36,9 @@ impl BurnNetwork {
     pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [windows, tokens, inputs] = x.dims();
         let mut slots: Vec<Option<Tensor<2>>> = vec![None; self.program.widths.len()];
-        let read = |slots: &[Option<Tensor<2>>], slot: Slot| slots[slot.0].clone().expect("a slot is written before it is read");
+        let read = |slots: &[Option<Tensor<2>>], slot: Slot| {
+            slots[slot.0].clone().expect("a slot is written before it is read")
+        };
         slots[0] = Some(x.reshape([windows * tokens, inputs]));
         for step in &self.program.steps {
             let x = read(&slots, step.from);
@@ -55,7 +57,9 @@ impl BurnNetwork {
                     let (ones, rows) = (Tensor::ones([x.dims()[1]], &x.device()), x);
                     burn::tensor::module::layer_norm(rows, ones, None, 1e-5)
                 }
-                Op::Attend { heads, band } => attend(x, heads, tokens, band.map(|band| (band, self.program.frequencies.as_slice()))),
+                Op::Attend { heads, band } => {
+                    attend(x, heads, tokens, band.map(|band| (band, self.program.frequencies.as_slice())))
+                }
                 Op::Neighbours(apart) => neighbours(x, tokens, apart),
                 Op::Activate(Activation::Gelu) => gelu(x),
                 Op::Activate(Activation::Relu) => relu(x),
@@ -110,7 +114,8 @@ fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[
 fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     let ([_, _, tokens, d], device) = (x.dims(), x.device());
     let angles = |f: fn(f64) -> f64| -> Tensor<4> {
-        let values: Vec<f32> = (0..tokens).flat_map(|k| frequencies.iter().map(move |a| f(k as f64 * a) as f32)).collect();
+        let values: Vec<f32> =
+            (0..tokens).flat_map(|k| frequencies.iter().map(move |a| f(k as f64 * a) as f32)).collect();
         Tensor::from_data(TensorData::new(values, [1, 1, tokens, d / 2]), &device)
     };
     let (cos, sin) = (angles(f64::cos), angles(f64::sin));
@@ -121,7 +126,8 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
 /// Concatenates each row of `[windows tokens, width]` with the rows of the tokens `apart` before and after.
 fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     let ([rows, width], device) = (x.dims(), x.device());
-    let (x, beyond) = (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));
+    let (x, beyond) =
+        (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));
     let padded = Tensor::cat(vec![beyond.clone(), x.clone(), beyond], 1);
     let (before, after) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
     Tensor::cat(vec![before, x, after], 2).reshape([rows, 3 * width])

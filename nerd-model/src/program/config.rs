@@ -74,7 +74,18 @@ impl TransformerConfig {
     /// The paper's network for `inputs` features and `outputs` state coordinates.
     pub fn paper(inputs: usize, outputs: usize, embedding: usize) -> Self {
         let (positions, architecture) = Default::default();
-        Self { inputs, outputs, embedding, layers: 6, heads: 12, block: 32, history: 10, head: 64, positions, architecture }
+        Self {
+            inputs,
+            outputs,
+            embedding,
+            layers: 6,
+            heads: 12,
+            block: 32,
+            history: 10,
+            head: 64,
+            positions,
+            architecture,
+        }
     }
 
     /// Tokens of a training sequence: the window, or `block` with rotary positions.

@@ -105,11 +105,20 @@ pub fn operations() -> Vec<Specimen> {
 
 /// One specimen of each network, over windows or sequences of [`TOKENS`].
 pub fn networks() -> Vec<Specimen> {
-    let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
+    let small = TransformerConfig {
+        layers: 2,
+        heads: 2,
+        block: TOKENS,
+        history: TOKENS,
+        head: 9,
+        ..TransformerConfig::paper(5, 3, 24)
+    };
     let all = [Architecture::Transformer, Architecture::Residual, Architecture::Chain];
-    let all = all.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
+    let all =
+        all.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
     let rotary = TransformerConfig { positions: Positions::Rotary, history: 3, ..small };
-    let others = [("rotary Transformer", rotary.program()), ("policy", policy(&[5, 24, 9, 4], Activation::Elu, Some(3)))];
+    let others =
+        [("rotary Transformer", rotary.program()), ("policy", policy(&[5, 24, 9, 4], Activation::Elu, Some(3)))];
     let all = all.into_iter().chain(others.map(|(name, program)| (name.to_string(), program)));
     let specimen = |(name, program): (String, Program)| {
         let mut specimen = Specimen::new(&name, program);

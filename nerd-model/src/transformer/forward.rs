@@ -28,12 +28,22 @@ pub struct ForwardError {
 }
 
 /// Refuses windows that do not fit the network.
-pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> Result<(), ForwardError> {
+pub(crate) fn check(
+    config: &TransformerConfig,
+    inputs: &[f32],
+    tokens: usize,
+    last: &[u32],
+) -> Result<(), ForwardError> {
     let expected = last.len() * tokens * config.inputs;
     let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
         format!("{tokens} tokens in a window, the position table has {}", config.block)
     } else if inputs.len() != expected {
-        format!("{} input values, expected {} windows x {tokens} tokens x {} = {expected}", inputs.len(), last.len(), config.inputs)
+        format!(
+            "{} input values, expected {} windows x {tokens} tokens x {} = {expected}",
+            inputs.len(),
+            last.len(),
+            config.inputs
+        )
     } else if let Some(w) = last.iter().position(|&l| l as usize >= tokens) {
         format!("window {w}: newest token {} of {tokens}", last[w])
     } else {
@@ -60,7 +70,11 @@ pub struct PackedForward {
 impl PackedForward {
     /// Packs `weights`.
     pub fn new(weights: &Weights) -> Self {
-        Self { config: weights.config, network: Loaded::new(weights.config.program(), &weights.flat), memory: Vec::new() }
+        Self {
+            config: weights.config,
+            network: Loaded::new(weights.config.program(), &weights.flat),
+            memory: Vec::new(),
+        }
     }
 }
 
@@ -72,7 +86,10 @@ impl Forward for PackedForward {
         out.resize(last.len() * c.outputs, 0.0);
         let size = even(last.len(), (ROWS / tokens).max(1));
         self.memory.resize_with(self.memory.len().max(last.len().div_ceil(size)), Memory::default);
-        let jobs = inputs.par_chunks(size * tokens * c.inputs).zip(last.par_chunks(size)).zip(out.par_chunks_mut(size * c.outputs));
+        let jobs = inputs
+            .par_chunks(size * tokens * c.inputs)
+            .zip(last.par_chunks(size))
+            .zip(out.par_chunks_mut(size * c.outputs));
         jobs.zip(self.memory.par_iter_mut()).for_each(|(((x, last), out), memory)| {
             let newest: Vec<usize> = last.iter().enumerate().map(|(w, l)| w * tokens + *l as usize).collect();
             out.copy_from_slice(network.forward(x, memory, Pass::Windows(tokens, &newest)));

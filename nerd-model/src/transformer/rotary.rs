@@ -65,7 +65,11 @@ impl Stream for PackedStream {
         out.resize(envs * c.outputs, 0.0);
         let size = even(envs, ROWS);
         self.work.resize_with(self.work.len().max(envs.div_ceil(size)), Work::default);
-        let blocks = self.envs.par_chunks_mut(size).zip(tokens.par_chunks(size * c.inputs)).zip(out.par_chunks_mut(size * c.outputs));
+        let blocks = self
+            .envs
+            .par_chunks_mut(size)
+            .zip(tokens.par_chunks(size * c.inputs))
+            .zip(out.par_chunks_mut(size * c.outputs));
         blocks.zip(&mut self.work).for_each(|(((envs, tokens), out), work)| work.push(network, envs, tokens, out));
         Ok(())
     }
@@ -85,12 +89,17 @@ impl Work {
         turns.clear();
         for env in envs.iter_mut() {
             env.turn(&network.turn);
-            turns.extend(env.place.iter().map(|(cos, _)| *cos as f32).chain(env.place.iter().map(|(_, sin)| *sin as f32)));
+            turns.extend(
+                env.place.iter().map(|(cos, _)| *cos as f32).chain(env.place.iter().map(|(_, sin)| *sin as f32)),
+            );
         }
         let mut mix = |layer: usize, qkv: &mut [f32], mixed: &mut Vec<f32>| {
             mixed.resize(envs.len() * e, 0.0);
             Arch::new().dispatch(|| {
-                let parts = qkv.chunks_exact_mut(3 * e).zip(mixed.chunks_exact_mut(e)).zip(turns.chunks_exact(2 * network.turn.len()));
+                let parts = qkv
+                    .chunks_exact_mut(3 * e)
+                    .zip(mixed.chunks_exact_mut(e))
+                    .zip(turns.chunks_exact(2 * network.turn.len()));
                 for (env, ((qkv, mixed), turns)) in envs.iter_mut().zip(parts) {
                     let past = &mut env.past[layer * network.ring..][..network.ring];
                     Ring { history, past, before: env.taken }.push(qkv, heads, turns, shares, mixed);

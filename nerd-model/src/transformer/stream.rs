@@ -76,7 +76,9 @@ impl<F: Forward> Stream for Windowed<F> {
 pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> Result<usize, ForwardError> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {
-        return Err(ForwardError { message: format!("{} input values are not rows of {}", tokens.len(), config.inputs) });
+        return Err(ForwardError {
+            message: format!("{} input values are not rows of {}", tokens.len(), config.inputs),
+        });
     }
     Ok(envs)
 }

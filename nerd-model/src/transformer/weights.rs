@@ -76,11 +76,15 @@ impl Weights {
     pub fn to_bytes(&self, metadata: HashMap<String, String>, storage: Storage) -> Result<Vec<u8>, WeightsError> {
         let hidden = |t: &TensorSpec| t.name.starts_with("blocks.") && t.shape.len() == 2;
         let encode = |(tensor, x): (TensorSpec, &[f32])| match storage {
-            Storage::F16 if hidden(&tensor) => (tensor, Dtype::F16, x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()),
+            Storage::F16 if hidden(&tensor) => {
+                (tensor, Dtype::F16, x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect())
+            }
             _ => (tensor, Dtype::F32, x.iter().flat_map(|v| v.to_le_bytes()).collect()),
         };
         let raw: Vec<(TensorSpec, Dtype, Vec<u8>)> = self.iter().map(encode).collect();
-        let views = raw.iter().map(|(tensor, dtype, bytes)| Ok((&*tensor.name, TensorView::new(*dtype, tensor.shape.clone(), bytes)?)));
+        let views = raw
+            .iter()
+            .map(|(tensor, dtype, bytes)| Ok((&*tensor.name, TensorView::new(*dtype, tensor.shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, WeightsError>>()?;
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
@@ -104,11 +108,14 @@ impl Weights {
         Self::check_size(&config, bytes.len() as u64)?;
         let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());
         if let Some(name) = file.names().into_iter().find(|name| tensors.iter().all(|t| t.name != **name)) {
-            return Err(WeightsError(format!("tensor `{name}` is not one of the configuration's: the file is another network's")));
+            return Err(WeightsError(format!(
+                "tensor `{name}` is not one of the configuration's: the file is another network's"
+            )));
         }
         let mut flat = Vec::with_capacity(config.parameters());
         for TensorSpec { name, shape, .. } in tensors {
-            let wrong = |found: String| WeightsError(format!("tensor `{name}`: expected f32 or f16 {shape:?}, found {found}"));
+            let wrong =
+                |found: String| WeightsError(format!("tensor `{name}`: expected f32 or f16 {shape:?}, found {found}"));
             let view = file.tensor(&name).map_err(|_| wrong("nothing".into()))?;
             let first = flat.len();
             match view.dtype() {

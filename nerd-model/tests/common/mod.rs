@@ -20,8 +20,14 @@ pub fn model(system: &Arc<System>, base: Base) -> Model {
 pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions) -> Model {
     let form = form.into();
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
-    let network =
-        TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
+    let network = TransformerConfig {
+        embedding: 24,
+        layers: 2,
+        heads: 4,
+        block: 16,
+        positions,
+        ..TransformerConfig::paper(inputs, outputs, 192)
+    };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
 }
@@ -32,7 +38,8 @@ pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
     let form = Form { view: View::Moving, ..Base::Trapezoid.into() };
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let paper = TransformerConfig::paper(inputs, outputs, 24);
-    let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
+    let network =
+        TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
     let unit = |n: usize, variance: f64| Moments { mean: vec![mean; n], variance: vec![variance; n], epsilon: 1e-5 };
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 1.0), outputs: unit(outputs, said) })
 }
@@ -68,7 +75,8 @@ pub fn gap(a: &[f64], b: &[f64]) -> f64 {
 pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start, u64), frames: usize) -> Batch {
     let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
     (0..n).for_each(|env| batch.reset(env, &start(system, begin, &mut stream(seed, env as u64))));
-    let (mut truth, idle) = (Articulated::new(ArticulatedConfig::accurate(system)), vec![0.0; n * system.robot.joint_count()]);
+    let (mut truth, idle) =
+        (Articulated::new(ArticulatedConfig::accurate(system)), vec![0.0; n * system.robot.joint_count()]);
     (0..frames).for_each(|_| truth.step(&mut batch, &idle).expect("it can be stepped"));
     batch
 }

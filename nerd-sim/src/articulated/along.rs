@@ -18,7 +18,8 @@ const CHAIN: usize = 3;
 
 /// Whether a robot's implicit steps are solved along its tree, and checked for whips; else by its matrix.
 pub fn along(robot: &Robot) -> bool {
-    let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
+    let above: Vec<usize> =
+        nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
     let mut depths: Vec<usize> = Vec::new();
     above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
     chained(robot) || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
@@ -51,7 +52,8 @@ impl Tree {
         })
     }
 
-    /// Factorises the mass matrix without touches, for [`Tree::inv_mass`] and [`Tree::response`]; `false` if it is singular.
+    /// Factorises the mass matrix without touches, for [`Tree::inv_mass`] and [`Tree::response`]; `false` if it is
+    /// singular.
     pub(super) fn plain(&mut self, robot: &Robot, data: &Data) -> bool {
         let sound = self.factor.refill(robot, data, &[], &[]);
         if sound {

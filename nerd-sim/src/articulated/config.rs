@@ -121,7 +121,8 @@ impl ArticulatedConfig {
     /// Whether two settings give the same motion. With `contact` (or dry friction) the implicit step depends on
     /// `contact_substeps` and `friction` alone.
     pub fn moves_as(&self, other: &Self, contact: bool) -> bool {
-        let implicit = |c: &Self| (contact && c.contact_step == ContactStep::Implicit).then_some((c.contact_substeps, c.friction));
+        let implicit =
+            |c: &Self| (contact && c.contact_step == ContactStep::Implicit).then_some((c.contact_substeps, c.friction));
         self == other || implicit(self).is_some() && implicit(self) == implicit(other)
     }
 

@@ -61,7 +61,13 @@ impl Workspace {
     /// Factor (a power of two) on `substeps` that a frame from `start` to `state` needs to gain no energy; 1 if it
     /// passes. The factor is a lower bound, since the error falls with the square of the substep at most. Also the
     /// factor on its velocities that would remove the gain; 0 if none can.
-    pub(super) fn refine(&mut self, asked: &Asked, state: &[f64], substeps: usize, finest: usize) -> Result<(usize, f64), String> {
+    pub(super) fn refine(
+        &mut self,
+        asked: &Asked,
+        state: &[f64],
+        substeps: usize,
+        finest: usize,
+    ) -> Result<(usize, f64), String> {
         let Asked { system, scene, tau, .. } = *asked;
         let start = std::mem::take(&mut self.start);
         let before = self.energy(system, scene, &start);
@@ -82,7 +88,8 @@ impl Workspace {
         let share = if free { GAIN_TOLERANCE_FREE } else { GAIN_TOLERANCE };
         let (mut most, mut times) = (share * scale + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen, 1);
         let over = if gain <= most { 0.0 } else { gain - most };
-        let left = if over < after.kinetic.min(scale) { (1.0 - over / after.kinetic).sqrt() } else { f64::from(over == 0.0) };
+        let left =
+            if over < after.kinetic.min(scale) { (1.0 - over / after.kinetic).sqrt() } else { f64::from(over == 0.0) };
         // A gain that is not a number fails.
         let within = |most: f64| gain <= most && gain.is_finite();
         while !within(most) && times * substeps < finest {
@@ -124,8 +131,13 @@ impl Workspace {
                 let point = &robot.contact_points[*owner];
                 // A plane's event holds the normal, but not the point's place on a kinetic locus.
                 let roams = || event.normal.dot(&(place(point, data, &event.normal) - event.p1));
-                let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
-                let gap = (if point.locus.is_fixed() { event.distance } else { roams() } - point.radius - material.margin).min(0.0);
+                let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider)
+                else {
+                    continue;
+                };
+                let gap =
+                    (if point.locus.is_fixed() { event.distance } else { roams() } - point.radius - material.margin)
+                        .min(0.0);
                 energy.kinetic_and_springs += 0.5 * material.stiffness * gap * gap;
             }
         }

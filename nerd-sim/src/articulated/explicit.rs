@@ -68,7 +68,10 @@ impl Workspace {
             let (point, n) = (&robot.contact_points[*owner], &event.normal);
             let rotation = &self.data.rotation[point.link];
             let p0 = self.data.position[point.link] + rotation * point.facing(rotation, n);
-            let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
+            let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider)
+            else {
+                continue;
+            };
             let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius - material.margin;
             if gap < 0.0 {
                 if !moving {
@@ -76,7 +79,10 @@ impl Workspace {
                     moving = true;
                 }
                 // Torsional and rolling friction stick, so they need the implicit step, as dry friction does.
-                if material.torsion > 0.0 || material.rolling > 0.0 || self.stiff.drags(*owner, material.friction_damping, dt) {
+                if material.torsion > 0.0
+                    || material.rolling > 0.0
+                    || self.stiff.drags(*owner, material.friction_damping, dt)
+                {
                     return false;
                 }
                 let x = p0 - n * point.radius;
@@ -90,7 +96,14 @@ impl Workspace {
     }
 
     /// `data.qdd = M^-1 (tau + limits - damping - bias)`; `false` if a joint is too stiff for a substep of `dt`.
-    fn accelerate(&mut self, asked: &Asked, q: &[f64], qd: &[f64], renew: bool, (dt, by): (f64, Integrator)) -> Result<bool, String> {
+    fn accelerate(
+        &mut self,
+        asked: &Asked,
+        q: &[f64],
+        qd: &[f64],
+        renew: bool,
+        (dt, by): (f64, Integrator),
+    ) -> Result<bool, String> {
         let Asked { system: System { robot, .. }, scene, tau, .. } = *asked;
         if renew {
             crba(robot, &mut self.data);

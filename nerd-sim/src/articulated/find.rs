@@ -21,7 +21,9 @@ impl Workspace {
         let (data, dofs) = (&self.data, robot.root_dofs());
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
-            let Some(whole) = materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
+            let Some(whole) = materials.of(system, point, &scene.colliders[event.collider], event.collider) else {
+                continue;
+            };
             let rotation = &data.rotation[point.link];
             let local = match point.locus {
                 Locus::Fixed => point.local,
@@ -72,7 +74,8 @@ impl Workspace {
             }));
         }
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
-        for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0) {
+        for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0)
+        {
             touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], drag: 0.0 }));
         }
         for ((joint, modelled), drive) in robot.joints().enumerate().zip(&self.drives) {
@@ -100,7 +103,17 @@ impl Workspace {
                 let Some((part, gap)) = inside(middle, 0.5 * h * rate) else { continue };
                 let (stiffness, damping) = (part * limit.stiffness, part * limit.damping);
                 let theta = [0.0; 2];
-                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, middle, gap, rate, theta }));
+                touches.push(Touch::Limit(Spring {
+                    index: pairs + joint,
+                    joint,
+                    side,
+                    stiffness,
+                    damping,
+                    middle,
+                    gap,
+                    rate,
+                    theta,
+                }));
             }
         }
     }
@@ -108,7 +121,13 @@ impl Workspace {
 
 /// Appends the columns of the Jacobian of a link's point `x` (m, from `data.origin`), each with its DoF.
 #[inline]
-pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, columns: &mut Vec<(usize, Vector3<f64>)>) {
+pub(super) fn above(
+    robot: &Robot,
+    data: &Data,
+    link: usize,
+    x: &Vector3<f64>,
+    columns: &mut Vec<(usize, Vector3<f64>)>,
+) {
     for i in robot.ancestors(link) {
         if robot.links[i].joint.is_some() {
             columns.push((data.dof[i], data.axis[i].at(x)));
@@ -125,7 +144,8 @@ pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, c
 /// `half` a substep (s).
 #[inline(never)]
 fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, half: f64) -> Option<Vector3<f64>> {
-    let (rotation, twist, n, reach) = (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());
+    let (rotation, twist, n, reach) =
+        (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());
     let middle = data.position[point.link] + rotation * point.local;
     let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
     let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius - margin <= half * speed;

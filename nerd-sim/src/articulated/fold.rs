@@ -50,7 +50,9 @@ fn meetings(system: &System, inv_mass: &[f64], whole: f64, h: f64, data: &Data, 
             continue;
         }
         let material = followed(&material, *inv_mass, whole);
-        let near = |c: &Capsule| (c.middle - other).norm() <= c.half.norm() + c.radius + folds.balls[*b].1 + way + material.margin;
+        let near = |c: &Capsule| {
+            (c.middle - other).norm() <= c.half.norm() + c.radius + folds.balls[*b].1 + way + material.margin
+        };
         for one in folds.placed(*a, data).filter(near) {
             for other in folds.placed(*b, data) {
                 let found = one.meets(&other);
@@ -69,7 +71,10 @@ pub(super) fn fold(system: &System, inv_mass: &[f64], whole: f64, h: f64, fricti
     let mut any = false;
     meetings(system, inv_mass, whole, h, data, |met| {
         let Some((part, gap)) = inside(met.gap, 0.5 * h * met.normal.dot(&met.velocity)) else { return };
-        let f = Wrench::force_at(force(gap, &met.normal, &met.velocity, &part_of(&met.material, part), friction), &met.place);
+        let f = Wrench::force_at(
+            force(gap, &met.normal, &met.velocity, &part_of(&met.material, part), friction),
+            &met.place,
+        );
         external[met.links[0]] += f;
         external[met.links[1]] += f * -1.0;
         any = true;

@@ -59,6 +59,12 @@ impl Drag {
         if normal <= 0.0 {
             return Self { value, ..Self::default() };
         }
-        Self { value, by_normal: material.friction / size, by_speed: -value * gradient / size, by_friction: normal / size, by_damping: 0.0 }
+        Self {
+            value,
+            by_normal: material.friction / size,
+            by_speed: -value * gradient / size,
+            by_friction: normal / size,
+            by_damping: 0.0,
+        }
     }
 }

@@ -35,7 +35,14 @@ impl Frame for Workspace {
         &self.forces
     }
 
-    fn step(&mut self, system: &System, scene: &Scene, settings: &Settings, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+    fn step(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        settings: &Settings,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<(), String> {
         if !self.servo {
             return self.watched(system, scene, settings, state, tau);
         }
@@ -49,7 +56,14 @@ impl Frame for Workspace {
 
 impl Workspace {
     /// Steps a frame; repeats it with more substeps until it gains no energy.
-    fn watched(&mut self, system: &System, scene: &Scene, settings: &Settings, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+    fn watched(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        settings: &Settings,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<(), String> {
         let config = &settings.config;
         self.settling = settings.settling;
         self.whole = system.frame_time / config.contact_substeps as f64;

@@ -68,7 +68,14 @@ impl Workspace {
     }
 
     /// One substep, or two halves where the solve finds no middle velocity.
-    fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
+    fn substep(
+        &mut self,
+        own: &Substep,
+        first: bool,
+        halvings: usize,
+        q: &mut [f64],
+        qd: &mut [f64],
+    ) -> Result<(), String> {
         let (Asked { system, scene, config, .. }, h) = (*own.asked, own.h);
         let robot = &system.robot;
         let half = 0.5 * h;
@@ -77,10 +84,12 @@ impl Workspace {
         }
         drift(robot, q, qd, half);
         stand(robot, q, &mut self.data);
-        self.query(system, scene, qd, h, h * h * scene.gravity.norm()).map_err(|lost| gone(system, q).unwrap_or(lost))?;
+        self.query(system, scene, qd, h, h * h * scene.gravity.norm())
+            .map_err(|lost| gone(system, q).unwrap_or(lost))?;
         self.find(system, scene, q, qd, h);
         if !system.folds.is_empty() {
-            self.touches.may_gain_energy |= fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
+            self.touches.may_gain_energy |=
+                fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
             Some(_) => inertias(robot, &mut self.data),
@@ -107,7 +116,8 @@ impl Workspace {
         }
         self.touches.drive(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
-        self.touches.may_gain_energy |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > FAST_TURN);
+        self.touches.may_gain_energy |=
+            rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > FAST_TURN);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
         self.touches.tell(h / system.frame_time, &mut self.forces);
         self.touches.hold();
@@ -245,7 +255,10 @@ impl Damped {
     fn of(joint: &Joint, h: f64, w: f64) -> Self {
         let z = h * h * joint.stiffness * w;
         let damping_used = joint.damping.max(h * joint.stiffness * z.min(MAX_SPRING_DAMPING));
-        Self { damping_used, share: exponential(h * damping_used * w) * h * damping_used + spring_theta(z) * h * h * joint.stiffness }
+        Self {
+            damping_used,
+            share: exponential(h * damping_used * w) * h * damping_used + spring_theta(z) * h * h * joint.stiffness,
+        }
     }
 
     /// Derivatives of both with respect to w, and to the joint's damping.

@@ -51,7 +51,8 @@ impl Workspace {
         // The frame's energy is checked, as for a joint that turns as fast.
         self.touches.may_gain_energy |= spins.is_some();
         let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
-        let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, true, first, false, false, true);
+        let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) =
+            (true, true, first, false, false, true);
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();
         }
@@ -112,7 +113,11 @@ impl Workspace {
                 if spins.is_some() && !all {
                     // For the gradient the middle is the mean to rounding, without the tolerance.
                     let mean = |k: usize| qd[k] + 0.5 * h * self.touches.rate[k];
-                    kept.stages.iter_mut().last().into_iter().for_each(|stage| (0..3).for_each(|k| stage.middle[k] = mean(k)));
+                    kept.stages
+                        .iter_mut()
+                        .last()
+                        .into_iter()
+                        .for_each(|stage| (0..3).for_each(|k| stage.middle[k] = mean(k)));
                 }
             }
             stale = all || spin.is_some();
@@ -197,8 +202,12 @@ impl Workspace {
                                 .sum(),
                         };
                         let force = (!contact.parted).then_some(&contact.force);
-                        changed |=
-                            contact.turning.settle((&contact.normal, &contact.material), force, &spin, (settled, pass < BREAKAWAY_SOLVES));
+                        changed |= contact.turning.settle(
+                            (&contact.normal, &contact.material),
+                            force,
+                            &spin,
+                            (settled, pass < BREAKAWAY_SOLVES),
+                        );
                     }
                     *may_gain_energy |= contact.parted;
                     changed

@@ -30,7 +30,13 @@ impl Articulated {
     ///
     /// Held constant: zero dry friction, contact points with a moving locus, and contact laws of pairs of geoms. If a
     /// law is a multiple of the material, it still varies with the material.
-    pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, grad_next: &[f64]) -> Result<Gradients, StepError> {
+    pub fn back_by_numbers(
+        &mut self,
+        batch: &Batch,
+        torques: &[f64],
+        rows: usize,
+        grad_next: &[f64],
+    ) -> Result<Gradients, StepError> {
         self.goes_back(batch)?;
         self.parallel.back(&self.settings, batch, torques, rows, grad_next, true)
     }

@@ -2,9 +2,9 @@
 //!
 //! The gyroscopic torque of a substep is taken at its middle, `-w x I w` with `w = (w_0 + w_1) / 2`. At the exact mean
 //! it does no work for any substep h: `w . (I (w_1 - w_0)) = -h w . (w x I w) = 0`. At a mean predicted from the last
-//! substep's rate it adds energy to a body in flight. So where a root turns by [`FAST_ROOT`] in a substep, Newton's method
-//! finds the mean. It holds the inertia I of the whole robot about its centre of mass constant. The solve with w gives
-//! the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
+//! substep's rate it adds energy to a body in flight. So where a root turns by [`FAST_ROOT`] in a substep, Newton's
+//! method finds the mean. It holds the inertia I of the whole robot about its centre of mass constant. The solve with w
+//! gives the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
 //!
 //! ```text
 //! (I + h/2 ([w] I - [I w])) change = I off
@@ -68,8 +68,8 @@ pub(super) struct Spin {
 }
 
 impl Spin {
-    /// `None` if the root turns by less than [`FAST_ROOT`] over a substep h from local velocities `qd`. `settled`: tolerance
-    /// of drags. Needs the links' inertias.
+    /// `None` if the root turns by less than [`FAST_ROOT`] over a substep h from local velocities `qd`. `settled`:
+    /// tolerance of drags. Needs the links' inertias.
     pub(super) fn of(robot: &Robot, data: &Data, (h, settled): (f64, f64), qd: &[f64]) -> Option<Self> {
         if !robot.floating() || h * vector(qd).norm() <= FAST_ROOT {
             return None;
@@ -92,7 +92,8 @@ impl Spin {
     pub(super) fn next(&self, qd: &[f64], middle: &[f64], rate: &[f64]) -> Option<Vector3<f64>> {
         let w = vector(middle);
         let off = vector(qd) + vector(rate) * (0.5 * self.h) - w;
-        (off.norm() > self.round * w.norm()).then(|| w + self.matrix(&w).lu().solve(&(self.inertia * off)).unwrap_or(off))
+        (off.norm() > self.round * w.norm())
+            .then(|| w + self.matrix(&w).lu().solve(&(self.inertia * off)).unwrap_or(off))
     }
 
     /// Correction of the gradient with respect to the rate, for a remainder `off` in the backward pass.

@@ -41,9 +41,12 @@ impl Bounds {
     pub(super) fn new(system: &System) -> Self {
         let robot = &system.robot;
         let least: Vec<f64> = (0..robot.links.len()).filter_map(|i| least_inertia(system, i)).collect();
-        let share = |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
+        let share =
+            |(joint, least): (&Joint, &f64)| if joint.damping > 0.0 { 2.0 * joint.damping / least } else { 0.0 };
         let damped = robot.joints().zip(&least).map(share).sum();
-        let of = |p: &ContactPoint| p.places().iter().map(|place| inv_mass(&robot.links[p.link].inertia, place)).fold(0.0, f64::max);
+        let of = |p: &ContactPoint| {
+            p.places().iter().map(|place| inv_mass(&robot.links[p.link].inertia, place)).fold(0.0, f64::max)
+        };
         let inv_mass = robot.contact_points.iter().map(of).collect();
         Self { least, inv_mass, damped, folds: inv_masses(system) }
     }
@@ -139,7 +142,8 @@ impl Stiff {
         }
         self.looked = true;
         self.others.clear();
-        self.others.extend(robot.joints().enumerate().filter(|(_, j)| j.damping > 0.0).map(|(i, j)| (i, 2.0 * h * j.damping)));
+        self.others
+            .extend(robot.joints().enumerate().filter(|(_, j)| j.damping > 0.0).map(|(i, j)| (i, 2.0 * h * j.damping)));
         radius(&self.others, robot.root_dofs(), factor, &mut self.vector, &mut self.column) > MOST
     }
 }
@@ -169,7 +173,10 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
 /// free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
 pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
-    let turning = link.inertia.cholesky().map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
+    let turning = link
+        .inertia
+        .cholesky()
+        .map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
     1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }
 }
 
@@ -177,8 +184,11 @@ pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
 fn inv_masses(system: &System) -> Vec<f64> {
     let (links, folds) = (&system.robot.links, &system.folds);
     // w is largest at the ends of a capsule's axis; a force at its surface goes through the axis.
-    let ends = |part: usize| folds.capsules[folds.own[part].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
-    let most = |part: usize| ends(part).map(|end| inv_mass(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
+    let ends = |part: usize| {
+        folds.capsules[folds.own[part].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half])
+    };
+    let most =
+        |part: usize| ends(part).map(|end| inv_mass(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
     let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }

@@ -113,7 +113,8 @@ impl Contact {
     #[inline]
     pub(super) fn set_thetas(&mut self, w: f64, across: f64, held: &Wrench, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
-        self.dampers = [self.material.damping, self.material.stiffness * self.material.release].map(|d| [d, damper(h, d, w)]);
+        self.dampers =
+            [self.material.damping, self.material.stiffness * self.material.release].map(|d| [d, damper(h, d, w)]);
         let [damping, damper_theta] = self.dampers[usize::from(vn >= 0.0)];
         self.material.damping = damping;
         if friction == Friction::Coulomb {
@@ -136,7 +137,8 @@ impl Contact {
     #[inline]
     pub(super) fn hold(&mut self, Wrench { lin: force, ang: torque }: &Wrench) {
         let stiff = self.material.friction_damping;
-        self.slip_offset = if stiff > 0.0 { (force - self.normal * self.normal.dot(force)) / stiff } else { Vector3::zeros() };
+        self.slip_offset =
+            if stiff > 0.0 { (force - self.normal * self.normal.dot(force)) / stiff } else { Vector3::zeros() };
         if self.turns() && stiff > 0.0 {
             self.turning.turn_offset = torque / self.turning.stick(&self.material);
         }
@@ -192,7 +194,13 @@ impl Contact {
 
     /// Updates force and drag after a change `h J qdd` of its velocity; returns whether another solve is needed.
     #[inline]
-    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, (settled, pass): (f64, usize)) -> bool {
+    pub(super) fn settle(
+        &mut self,
+        change: &Vector3<f64>,
+        h: f64,
+        friction: Friction,
+        (settled, pass): (f64, usize),
+    ) -> bool {
         let (n, m, [spring, damper, slide]) = (self.normal, &self.material, self.theta);
         let (velocity, change) = (&self.start, change + self.turn);
         let (vn, dn) = (n.dot(velocity), n.dot(&change));
@@ -253,7 +261,13 @@ impl DryFriction {
     /// Material of a contact with the same friction.
     #[inline]
     pub(super) fn material(&self) -> Material {
-        Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0, ..Material::default() }
+        Material {
+            stiffness: 0.0,
+            damping: 0.0,
+            friction_damping: self.most / CREEP,
+            friction: 1.0,
+            ..Material::default()
+        }
     }
 
     /// Drag at a rate of the joint.

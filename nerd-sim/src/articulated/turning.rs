@@ -71,7 +71,11 @@ impl Turning {
         self.torque = if force.is_some() { self.resists(n, &slip) } else { Vector3::zeros() };
         let (laws, inertia, old) = (self.laws(n, m, &slip), TURN_INERTIA * self.stick(m) / STICK_DRAG, self.drags);
         for (own, (rate, law)) in self.drags.iter_mut().zip(&laws) {
-            *own = if leap { breaking(normal, *rate, *own, law, inertia) } else { drag(normal, *rate, law, Friction::Coulomb) };
+            *own = if leap {
+                breaking(normal, *rate, *own, law, inertia)
+            } else {
+                drag(normal, *rate, law, Friction::Coulomb)
+            };
         }
         self.drags.iter().zip(old).any(|(new, old)| (new - old).abs() > settled * old.max(1e-12))
     }
@@ -79,5 +83,9 @@ impl Turning {
 
 /// Harmonic mean of a link's squared radii of gyration (m^2): the sticking drag then suits the axis of least inertia.
 pub(super) fn gyration(link: &Link) -> f64 {
-    link.inertia.inertia.try_inverse().map_or(MIN_GYRATION, |inverse| 3.0 / (link.inertia.mass * inverse.trace())).max(MIN_GYRATION)
+    link.inertia
+        .inertia
+        .try_inverse()
+        .map_or(MIN_GYRATION, |inverse| 3.0 / (link.inertia.mass * inverse.trace()))
+        .max(MIN_GYRATION)
 }

@@ -103,7 +103,14 @@ impl Workspace {
 
     /// Contact events of every point with every collider within `margin` (m) plus the distance covered in `time` (s) at
     /// its present velocity.
-    pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
+    pub(super) fn query(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        qd: &[f64],
+        time: f64,
+        margin: f64,
+    ) -> Result<(), String> {
         let robot = &system.robot;
         self.events.clear();
         if let [only] = &scene.colliders[..] {

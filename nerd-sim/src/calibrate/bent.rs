@@ -65,14 +65,19 @@ impl Subject {
         let (robot, unit) = (&own.system.robot, unit.parts());
         let (nq, dofs, rows) = (robot.nq(), robot.root_dofs(), 2 * robot.nv());
         let by_place: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.by_place(*v)).collect();
-        let by = self.numbers_by(parameters, values)?.into_iter().zip(&by_place).map(|(by, place)| DVector::from_vec(by) * *place);
+        let by = self
+            .numbers_by(parameters, values)?
+            .into_iter()
+            .zip(&by_place)
+            .map(|(by, place)| DVector::from_vec(by) * *place);
         let by = DMatrix::from_columns(&by.collect::<Vec<_>>());
         let side = |k: usize, size: f64| {
             let mut values = values.to_vec();
             values[k] += size * by_place[k];
             self.with(parameters, &values)
         };
-        let sides = (0..p).map(|k| Ok([side(k, -SIDE)?, side(k, SIDE)?])).collect::<Result<Vec<_>, CalibrateError>>()?;
+        let sides =
+            (0..p).map(|k| Ok([side(k, -SIDE)?, side(k, SIDE)?])).collect::<Result<Vec<_>, CalibrateError>>()?;
         let identity: Vec<f64> = (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect();
         let begin = || (Articulated::new(config), Batch::new(&own.system, &own.scene, 1), Data::new(robot));
         let one = |(solver, batch, data): &mut (Articulated, Batch, Data), trial: &Trial| {
@@ -129,7 +134,11 @@ impl Subject {
                 let all = joints.iter().enumerate();
                 all.for_each(|(i, apart)| {
                     let mut by = s.rows(dofs + i, 1).into_owned();
-                    parameters.iter().enumerate().filter(|(_, p)| p.what == What::Zero(i)).for_each(|(k, _)| by[k] -= by_place[k]);
+                    parameters
+                        .iter()
+                        .enumerate()
+                        .filter(|(_, p)| p.what == What::Zero(i))
+                        .for_each(|(k, _)| by[k] -= by_place[k]);
                     bent.add(&[*apart], by, unit[2], share);
                 });
             }

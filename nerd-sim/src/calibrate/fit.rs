@@ -119,8 +119,10 @@ impl<'a> Search<'a> {
         }
         let start: Vec<f64> = self.parameters.iter().zip(from).map(|(p, v)| p.place(*v)).collect();
         let popsize = 4 + (3.0 * (n as f64).ln()) as i32;
-        let params = CmaesParams { popsize, mu: popsize / 2, max_evaluations: budget as u64, seed, ..Default::default() };
-        let mut search = Cmaes::new(Fitness::bounded(n, 1, &vec![0.0; n], &vec![1.0; n]), &start, &vec![step; n], &params);
+        let params =
+            CmaesParams { popsize, mu: popsize / 2, max_evaluations: budget as u64, seed, ..Default::default() };
+        let mut search =
+            Cmaes::new(Fitness::bounded(n, 1, &vec![0.0; n], &vec![1.0; n]), &start, &vec![step; n], &params);
         let mut done = 1;
         while done < budget && search.stop() == 0 {
             let mut worths = Vec::new();
@@ -141,7 +143,12 @@ impl<'a> Search<'a> {
 }
 
 /// Runs CMA-ES from coarse to fine; returns the best values.
-fn searched(all: &Search, few: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64)) -> Result<Vec<f64>, CalibrateError> {
+fn searched(
+    all: &Search,
+    few: &[Trial],
+    config: FitConfig,
+    progress: &mut dyn FnMut(usize, f64),
+) -> Result<Vec<f64>, CalibrateError> {
     let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
     let nominal: Vec<f64> = all.parameters.iter().map(|p| p.nominal).collect();
     // Two coarse searches: contact has separate minima, such as high friction that creeps and low friction that sticks.
@@ -175,7 +182,8 @@ impl Subject {
         let (few, spent) = (thinned(&fine, fine.len().div_ceil(4)), Cell::new(0.0));
         let all = Search::new(self, parameters, &fine, 1.0, &spent)?;
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
-        let descended = if config.gradients { self.descended(&all, &few, config.evaluations as f64, progress)? } else { None };
+        let descended =
+            if config.gradients { self.descended(&all, &few, config.evaluations as f64, progress)? } else { None };
         let gradients = descended.is_some();
         let ends = match descended {
             Some(ends) => ends,
@@ -206,10 +214,12 @@ impl Subject {
         if parameters.is_empty() {
             return Ok(None);
         }
-        let mut values: Vec<f64> = parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let mut values: Vec<f64> =
+            parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
         let mut ends = Vec::new();
         for [frames, share] in STAGES {
-            let trials: Vec<Trial> = if share < 1.0 { few } else { all.trials }.iter().map(|trial| trial.begun(frames)).collect();
+            let trials: Vec<Trial> =
+                if share < 1.0 { few } else { all.trials }.iter().map(|trial| trial.begun(frames)).collect();
             let search = Search::new(self, parameters, &trials, frames * share, spent)?;
             let pass = PASS * search.share;
             let bent = |v: &[f64]| {
@@ -217,7 +227,9 @@ impl Subject {
                 self.bent(parameters, v, &trials, &search.unit)
             };
             let may = || spent.get() + pass < budget;
-            let Some(best) = descend(parameters, &mut values, may, |v| Ok(search.worth(v)?.0), bent)? else { return Ok(None) };
+            let Some(best) = descend(parameters, &mut values, may, |v| Ok(search.worth(v)?.0), bent)? else {
+                return Ok(None);
+            };
             progress(spent.get() as usize, best);
             ends.push(values.clone());
         }

@@ -55,20 +55,25 @@ impl Subject {
                 spent.set(spent.get() + frames * share);
                 let apart = groups.iter().enumerate().filter(|(_, trials)| !trials.is_empty());
                 let apart = apart.map(|(k, trials)| self.with(&pair, &part(values, k))?.distances(trials));
-                let costs = groups.iter().enumerate().map(|(k, trials)| trials.len() as f64 * pull(&pair, &part(values, k)));
-                let worth =
-                    objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit) + costs.sum::<f64>() / seen.len() as f64;
+                let costs =
+                    groups.iter().enumerate().map(|(k, trials)| trials.len() as f64 * pull(&pair, &part(values, k)));
+                let worth = objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit)
+                    + costs.sum::<f64>() / seen.len() as f64;
                 Ok(if worth.is_finite() { worth } else { f64::MAX })
             };
             let pass = PASS * frames * share;
             let bent = |values: &[f64]| {
                 spent.set(spent.get() + pass);
-                let mut sum = Bent { gradient: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
+                let mut sum =
+                    Bent { gradient: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
                 for (k, trials) in groups.iter().enumerate() {
                     let Some(found) = self.bent(&pair, &part(values, k), trials, &unit)? else { return Ok(None) };
                     for (a, &i) in places(k).iter().enumerate() {
                         sum.gradient[i] += found.gradient[a];
-                        places(k).iter().enumerate().for_each(|(b, &j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
+                        places(k)
+                            .iter()
+                            .enumerate()
+                            .for_each(|(b, &j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
                     }
                 }
                 Ok(Some(sum))
@@ -82,7 +87,8 @@ impl Subject {
         }
         let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
         let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
-        let (before, mut after) = (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
+        let (before, mut after) =
+            (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
         // Keep the fit only if it is no worse on all its trials than nominal parameters.
         let kept = objective(&after, &before);
         if !kept.is_finite() || kept > objective(&before, &before) {

@@ -93,7 +93,8 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: &str = "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
+const PLAIN: &str =
+    "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's nominal values and size.
@@ -104,7 +105,11 @@ impl Parameter {
         let unknown = || {
             let links = robot.links.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
             let joints = robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-            let of_joints = if joints.is_empty() { "" } else { "; armature, joint-damping, joint-friction, strength, zero:JOINT of " };
+            let of_joints = if joints.is_empty() {
+                ""
+            } else {
+                "; armature, joint-damping, joint-friction, strength, zero:JOINT of "
+            };
             CalibrateError::Parameter(format!(
                 "no parameter `{name}`: choose from {PLAIN}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{of_joints}{joints}"
             ))
@@ -149,15 +154,15 @@ impl Parameter {
             }
             "strength" => ratio(What::Strength(joint()?.0), 1.0, 1.5, "1"),
             // Up to damping that stops a tenth of mass x size^2 within a fiftieth of a second.
-            "joint-damping" => {
-                joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?
-            }
+            "joint-damping" => joint().map(|(k, j)| {
+                braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad")
+            })?,
             // Up to friction that holds a tenth of the robot's weight on Earth on a lever of its size.
-            "joint-friction" => {
-                joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?
-            }
+            "joint-friction" => joint()
+                .map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?,
             // Up to a hundredth of mass x size^2.
-            "armature" => joint().map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
+            "armature" => joint()
+                .map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),
         };
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, weight: 0.0, what })
@@ -170,10 +175,16 @@ impl Parameter {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {
             let heavy = link.inertia.mass > 0.0;
-            let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass")).filter(|_| heavy);
-            names.extend(own.map(|head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) }));
+            let own =
+                ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass")).filter(|_| heavy);
+            names.extend(
+                own.map(
+                    |head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) },
+                ),
+            );
         }
-        let contact: &[&str] = if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "rounding"] };
+        let contact: &[&str] =
+            if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
         let metre: &[&str] = if system.robot.floating() { &["size"] } else { &[] };
         // A built-in scene has no plane of the robot's specification to tilt.
@@ -182,7 +193,11 @@ impl Parameter {
         names.extend(contact.iter().chain(falls).chain(metre).chain(lies).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
         // rapier has no dry friction at joints.
-        names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
+        names.extend(
+            joints
+                .flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))])
+                .flatten(),
+        );
         names.iter().map(|name| Self::named(system, name)).collect()
     }
 
@@ -252,7 +267,8 @@ fn braked(what: What, own: f64, most: f64, unit: &'static str) -> Bounded {
 /// Size of a robot (m): the largest distance along an axis between two contact points of a link, or 1.
 fn extent(system: &System) -> f64 {
     let points = &system.robot.contact_points;
-    let apart = points.iter().flat_map(|a| points.iter().filter(|b| b.link == a.link).map(|b| (a.local - b.local).abs().max()));
+    let apart =
+        points.iter().flat_map(|a| points.iter().filter(|b| b.link == a.link).map(|b| (a.local - b.local).abs().max()));
     let size = apart.fold(0.0, f64::max);
     if size > 0.0 { size } else { 1.0 }
 }
@@ -273,7 +289,8 @@ pub(super) fn round(system: &mut System, radius: f64) {
                     *rim -= radius.min(*rim);
                 }
                 Locus::Hull { vertices, .. } => {
-                    let round = ContactPoint::hull(point.link, vertices.iter().map(moved).collect::<Vec<_>>(), point.radius);
+                    let round =
+                        ContactPoint::hull(point.link, vertices.iter().map(moved).collect::<Vec<_>>(), point.radius);
                     *point = ContactPoint { thickness: point.thickness, surface: point.surface, ..round };
                 }
             }

@@ -60,7 +60,8 @@ impl Subject {
         }
         for (p, &value) in parameters.iter().zip(values) {
             // The robot's material, and the scene's material if it has one, since a pair acts with their mean.
-            let own = system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
+            let own =
+                system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
             for material in own.chain([&mut system.spec.material]) {
                 match p.what {
                     What::Friction => material.friction = value,
@@ -106,9 +107,15 @@ impl Subject {
                 What::Delay => delay = value,
                 What::Zero(joint) => zeros[joint] = value,
                 What::Strength(joint) => strength[joint] = value,
-                What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
-                What::Armature(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
-                What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
+                What::JointDamping(joint) => {
+                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value)
+                }
+                What::Armature(joint) => {
+                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value)
+                }
+                What::JointFriction(joint) => {
+                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value)
+                }
                 What::Restitution => {}
             }
             let foreign = match &mut engine {
@@ -122,7 +129,10 @@ impl Subject {
                 Engine::Articulated(_) => p.what == What::Restitution,
             };
             if foreign {
-                return Err(CalibrateError::Parameter(format!("parameter `{}` means nothing to this solver; leave it out", p.name)));
+                return Err(CalibrateError::Parameter(format!(
+                    "parameter `{}` means nothing to this solver; leave it out",
+                    p.name
+                )));
             }
         }
         let system = Arc::new(system);

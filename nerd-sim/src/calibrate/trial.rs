@@ -45,13 +45,16 @@ impl Distance {
 impl Trial {
     /// Commanded torques of a frame and of the two frames before, newest first.
     pub(super) fn asked(&self, frame: usize) -> [&[f64]; 3] {
-        std::array::from_fn(|back| frame.checked_sub(back).map_or_else(|| &self.earlier[back - frame - 1], |frame| &self.torques[frame]))
-            .map(Vec::as_slice)
+        std::array::from_fn(|back| {
+            frame.checked_sub(back).map_or_else(|| &self.earlier[back - frame - 1], |frame| &self.torques[frame])
+        })
+        .map(Vec::as_slice)
     }
 
     /// The trial cut to its first frames, as a share of all frames.
     pub(super) fn begun(&self, share: f64) -> Self {
-        let n = ((share * self.measured.len() as f64).ceil() as usize).clamp(2.min(self.measured.len()), self.measured.len());
+        let n = ((share * self.measured.len() as f64).ceil() as usize)
+            .clamp(2.min(self.measured.len()), self.measured.len());
         Self { measured: self.measured[..n].to_vec(), torques: self.torques[..n - 1].to_vec(), ..self.clone() }
     }
 }
@@ -70,7 +73,10 @@ impl Log {
         };
         let pieces = |t: &Trajectory| match length {
             0 => vec![cut(t, 0, t.states.len())],
-            _ => (0..(t.states.len() + 1).saturating_sub(length)).step_by(every.max(1)).map(|k| cut(t, k, length)).collect(),
+            _ => (0..(t.states.len() + 1).saturating_sub(length))
+                .step_by(every.max(1))
+                .map(|k| cut(t, k, length))
+                .collect(),
         };
         self.trajectories.iter().flat_map(pieces).collect()
     }
@@ -96,7 +102,8 @@ impl Subject {
             };
             let mut motion = vec![shown(batch)];
             for frame in 0..trial.torques.len() {
-                if let Some(error) = if lost { None } else { solver.step(batch, &self.late(&trial.asked(frame))).err() } {
+                if let Some(error) = if lost { None } else { solver.step(batch, &self.late(&trial.asked(frame))).err() }
+                {
                     lost = true;
                     first = first.or(Some(error).filter(|_| motion.len() == 1));
                 }
@@ -121,7 +128,9 @@ impl Subject {
         }
         contacts(&self.system, &self.scene, &state, data, &mut events);
         let nearness = |(e, p): (&ContactEvent, &ContactPoint)| (e.distance - p.radius, e.normal);
-        let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        let Some((depth, normal)) =
+            events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0))
+        else {
             return state;
         };
         let (q, qd) = state.split_at_mut(robot.nq());

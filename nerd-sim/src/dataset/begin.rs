@@ -35,7 +35,8 @@ impl Begun {
         let mut drives = if system.spec.vary.is_some() { Vec::with_capacity(count) } else { vec![Drive::new(system)] };
         let mut batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), count);
         let (mut drawn, mut sensors) = (Vec::new(), Vec::new());
-        let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut scales, mut holds, mut pilots) =
+            (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         for (env, rng) in streams.iter_mut().enumerate() {
             // Disabled settings draw nothing, so that earlier data is reproduced to the byte.
             let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);

@@ -58,7 +58,9 @@ impl GenerateConfig {
 
     /// Refuses impossible settings; the error names the number.
     pub fn check(&self, system: &System) -> Result<(), DatasetError> {
-        let within = |what: &str, x: f64, range| within(format_args!("data: {what}"), x, range, "").map_err(DatasetError::Config);
+        let within = |what: &str, x: f64, range| {
+            within(format_args!("data: {what}"), x, range, "").map_err(DatasetError::Config)
+        };
         within("transitions", self.transitions as f64, 1.0..=1e12)?;
         within("frames", self.frames as f64, 1.0..=1e6)?;
         within("shard_trajectories", self.shard_trajectories as f64, 1.0..=1e6)?;
@@ -72,7 +74,8 @@ impl GenerateConfig {
         within("the pilot's share", self.pilot.as_ref().map_or(0.0, |(_, share)| *share), 0.0..=1.0)?;
         let robot = &system.robot;
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
-        let gigabytes = (self.shard_trajectories.min(self.trajectories()) * (self.frames + 1)) as f64 * row as f64 * 8e-9;
+        let gigabytes =
+            (self.shard_trajectories.min(self.trajectories()) * (self.frames + 1)) as f64 * row as f64 * 8e-9;
         if gigabytes > MOST_GIGABYTES {
             return Err(DatasetError::Config(format!(
                 "data: a shard of {} trajectories of {} frames takes {gigabytes:.0} GB; at most {MOST_GIGABYTES} are allowed, take fewer",

@@ -106,8 +106,8 @@ impl Act for Smooth {
         }
         let u = self.since as f64 / self.span as f64;
         let v = 1.0 - u;
-        let shares =
-            [v * v * v, 3.0 * u * u * u - 6.0 * u * u + 4.0, 3.0 * v * v * v - 6.0 * v * v + 4.0, u * u * u].map(|share| share / 6.0);
+        let shares = [v * v * v, 3.0 * u * u * u - 6.0 * u * u + 4.0, 3.0 * v * v * v - 6.0 * v * v + 4.0, u * u * u]
+            .map(|share| share / 6.0);
         for (tau, values) in out.iter_mut().zip(&self.values) {
             *tau = values.iter().zip(&shares).map(|(value, share)| value * share).sum();
         }

@@ -97,14 +97,16 @@ pub fn generate(
 ) -> Result<Manifest, DatasetError> {
     config.check(system)?;
     if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
-        let reason = format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
+        let reason =
+            format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
         return Err(FileError::new(folder, reason).into());
     }
     let (identity, shards) = (header(system, truth), Shard::all(config));
     let names: Vec<&str> = shards.iter().map(|shard| shard.name.as_str()).chain(["manifest.json"]).collect();
     let recorded = |shard: &Shard| is_shard(&folder.join(&shard.name));
     let known = || {
-        has_keys(&Manifest::path(folder), &["robot", "shards", "sha256"]) || !Manifest::path(folder).exists() && shards.iter().any(recorded)
+        has_keys(&Manifest::path(folder), &["robot", "shards", "sha256"])
+            || !Manifest::path(folder).exists() && shards.iter().any(recorded)
     };
     unclaimed(folder, &names, known).map_err(|e| FileError::new(folder, e))?;
     let there = |shard: &Shard| -> Option<[u8; 32]> {
@@ -164,7 +166,8 @@ struct Shard {
 impl Shard {
     fn all(config: &GenerateConfig) -> Vec<Self> {
         let (most, total) = (config.shard_trajectories, config.trajectories());
-        let shard = |(k, first)| Self { name: format!("shard-{k:05}.safetensors"), first, count: most.min(total - first) };
+        let shard =
+            |(k, first)| Self { name: format!("shard-{k:05}.safetensors"), first, count: most.min(total - first) };
         (0..total).step_by(most).enumerate().map(shard).collect()
     }
 

@@ -45,7 +45,9 @@ impl Manifest {
         let text = read_text(&path).map_err(|e| FileError::new(&path, e))?;
         let manifest: Self = serde_json::from_str(&text).map_err(|e| FileError::new(&path, e))?;
         check_format(manifest.format).map_err(|e| FileError::new(&path, e))?;
-        if let Some(name) = manifest.shards.iter().find(|name| Path::new(name).file_name().is_none_or(|file| file != name.as_str())) {
+        if let Some(name) =
+            manifest.shards.iter().find(|name| Path::new(name).file_name().is_none_or(|file| file != name.as_str()))
+        {
             return Err(FileError::new(&path, format!("shard `{name}` does not name a file in this folder")));
         }
         Ok(manifest)
@@ -64,7 +66,8 @@ impl Manifest {
 
     fn checked(&self, path: &Path, system: &System) -> Result<(Recording, BTreeMap<String, String>), FileError> {
         let (recording, header) = read_shard(path)?;
-        let found = ["robot", "robot_sha256", "system_sha256", "truth"].map(|key| header.get(key).map_or("unknown", String::as_str));
+        let found = ["robot", "robot_sha256", "system_sha256", "truth"]
+            .map(|key| header.get(key).map_or("unknown", String::as_str));
         let checked = same(system, &self.truth, found).and_then(|()| recording.check(system));
         checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
@@ -74,19 +77,32 @@ impl Manifest {
     ///
     /// # Errors
     /// As [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
-    pub fn shard_in_scenes(&self, folder: &Path, name: &str, system: &Arc<System>) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
+    pub fn shard_in_scenes(
+        &self,
+        folder: &Path,
+        name: &str,
+        system: &Arc<System>,
+    ) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
         let path = folder.join(name);
         let (recording, header) = self.checked(&path, system)?;
         let number = |key: &str| {
             let text = header.get(key).map_or("", String::as_str);
-            text.parse::<f64>().map_err(|_| FileError::new(&path, format!("`{key}` of its header is `{text}`, a number is needed")))
+            text.parse::<f64>()
+                .map_err(|_| FileError::new(&path, format!("`{key}` of its header is `{text}`, a number is needed")))
         };
         let (n, frames, seed) = (recording.trajectories, recording.frames, self.seed);
-        let config = GenerateConfig { transitions: n * frames, frames, seed, resets: number("resets")?, ..GenerateConfig::default() };
+        let config = GenerateConfig {
+            transitions: n * frames,
+            frames,
+            seed,
+            resets: number("resets")?,
+            ..GenerateConfig::default()
+        };
         let begun = begin(system, &config, number("first")? as u64, n)?;
         let rows = recording.states.chunks_exact((frames + 1) * system.robot.state_dim());
         if let Some(k) = rows.enumerate().position(|(k, row)| !row.starts_with(begun.state(k))) {
-            let text = "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
+            let text =
+                "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
             return Err(FileError::new(&path, format!("trajectory {k}: {text}; record the data set again")).into());
         }
         Ok((recording, begun.scenes))
@@ -129,14 +145,24 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
 fn same(system: &System, wanted_truth: &str, [name, robot, all, truth]: [&str; 4]) -> Result<(), String> {
     let (wanted_robot, wanted) = (system.robot_sha256(), system.sha256());
     if robot != wanted_robot {
-        let what =
-            if name == system.name { "its masses, joints, contact points, frame, gravity or material differ" } else { "another robot" };
-        return Err(format!("holds robot `{name}` ({robot}), not `{}` ({wanted_robot}): {what}; record the data set again", system.name));
+        let what = if name == system.name {
+            "its masses, joints, contact points, frame, gravity or material differ"
+        } else {
+            "another robot"
+        };
+        return Err(format!(
+            "holds robot `{name}` ({robot}), not `{}` ({wanted_robot}): {what}; record the data set again",
+            system.name
+        ));
     }
     if all != wanted {
         return Err(format!(
             "holds data of `{name}` sampled, driven or controlled otherwise, or in other scenes (system {all}, not {wanted}); record the data set again"
         ));
     }
-    if truth == wanted_truth { Ok(()) } else { Err(format!("holds transitions of truth `{truth}`, not `{wanted_truth}`")) }
+    if truth == wanted_truth {
+        Ok(())
+    } else {
+        Err(format!("holds transitions of truth `{truth}`, not `{wanted_truth}`"))
+    }
 }

@@ -62,9 +62,14 @@ impl Recording {
         let robot = &system.robot;
         let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
         let (states, torques, surface) = (n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points);
-        for ((name, _, x), wanted) in self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n]) {
+        for ((name, _, x), wanted) in
+            self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n])
+        {
             if x.len() != wanted {
-                return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; record the data set again", x.len()));
+                return Err(format!(
+                    "`{name}` has {} numbers, the robot needs {wanted}; record the data set again",
+                    x.len()
+                ));
             }
         }
         let shown = if system.noisy() { n * f * robot.state_dim() } else { 0 };
@@ -76,7 +81,9 @@ impl Recording {
         }
         let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
         if drawn != wanted {
-            return Err(format!("`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; record the data set again"));
+            return Err(format!(
+                "`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; record the data set again"
+            ));
         }
         Ok(())
     }
@@ -144,7 +151,9 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
             (name, [vec![recording.trajectories], shape].concat(), bytes)
         })
         .collect();
-    let views = raw.iter().map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F64, shape.clone(), bytes).map_err(wrong)?)));
+    let views = raw
+        .iter()
+        .map(|(name, shape, bytes)| Ok((*name, TensorView::new(Dtype::F64, shape.clone(), bytes).map_err(wrong)?)));
     let bytes = safetensors::serialize(views.collect::<Result<Vec<_>, FileError>>()?, Some(metadata)).map_err(wrong)?;
     crate::files::write(path, &bytes).map_err(|e| FileError::new(path, e))
 }
@@ -162,7 +171,11 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     let wrong = |reason: String| FileError::new(path, reason);
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| wrong(e.to_string()))?;
-    let text = header.metadata().as_ref().and_then(|m| m.get(ENTRY)).ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
+    let text = header
+        .metadata()
+        .as_ref()
+        .and_then(|m| m.get(ENTRY))
+        .ok_or_else(|| wrong(format!("no `{ENTRY}` in its metadata")))?;
     let mut metadata: BTreeMap<String, String> = serde_json::from_str(text).map_err(|e| wrong(e.to_string()))?;
     check_format(metadata.remove(FORMAT_KEY).and_then(|f| f.parse().ok())).map_err(wrong)?;
     let read = |name: &str| -> Result<(Vec<usize>, Vec<f64>), FileError> {
@@ -176,7 +189,8 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     let (shape, states) = read("states")?;
     let [trajectories, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
     let [torques, normals, points, depths, gravity] = ["torques", "normals", "points", "depths", "gravity"].map(read);
-    let where_there = |name: &str| Ok(file.names().contains(&name).then(|| read(name)).transpose()?.unwrap_or_default().1);
+    let where_there =
+        |name: &str| Ok(file.names().contains(&name).then(|| read(name)).transpose()?.unwrap_or_default().1);
     let recording = Recording {
         trajectories,
         frames: rows.saturating_sub(1),
@@ -190,7 +204,9 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         shown: where_there("shown")?,
     };
     if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
-        return Err(wrong("its numbers are not those it was written with (SHA-256 differs); record the data set again".into()));
+        return Err(wrong(
+            "its numbers are not those it was written with (SHA-256 differs); record the data set again".into(),
+        ));
     }
     Ok((recording, metadata))
 }

@@ -22,14 +22,18 @@ pub fn claim(folder: &Path) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
     // A claim that ends may remove the folder just before the lock here; then create it again.
     for _ in 0..100 {
-        let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
+        let made =
+            folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder)
             .map_err(|e| if folder.is_file() { Error::new(e.kind(), "is a file, not a folder") } else { e })
             .map_err(named)?;
         let Ok((file, path)) = opened(folder) else { continue };
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => {
-                let text = format!("{} is in use: another process writes there; wait for it, or choose another folder", folder.display());
+                let text = format!(
+                    "{} is in use: another process writes there; wait for it, or choose another folder",
+                    folder.display()
+                );
                 return Err(Error::new(ErrorKind::WouldBlock, text));
             }
             // A file system without locks cannot tell.

@@ -42,7 +42,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let path = &target(path)?;
     match std::fs::metadata(path) {
-        Ok(there) if there.is_dir() => return Err(Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file")),
+        Ok(there) if there.is_dir() => {
+            return Err(Error::new(std::io::ErrorKind::IsADirectory, "is a folder, not a file"));
+        }
         Ok(there) if !there.is_file() => {
             let mut device = OpenOptions::new().write(true).open(path)?;
             return fill(&mut device).and_then(|()| device.flush());
@@ -65,7 +67,9 @@ pub fn is_file(path: &Path) -> Result<()> {
     let refused = |kind, said| Err(Error::new(kind, said));
     match std::fs::metadata(path)? {
         there if there.is_dir() => refused(std::io::ErrorKind::IsADirectory, "is a folder, not a file"),
-        there if !there.is_file() => refused(std::io::ErrorKind::InvalidInput, "is a pipe or a device; save what it holds as a file"),
+        there if !there.is_file() => {
+            refused(std::io::ErrorKind::InvalidInput, "is a pipe or a device; save what it holds as a file")
+        }
         _ => Ok(()),
     }
 }

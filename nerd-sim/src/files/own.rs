@@ -21,8 +21,10 @@ pub fn unclaimed(folder: &Path, names: &[&str], ours: impl FnOnce() -> bool) -> 
 }
 
 fn foreign(path: &Path) -> Error {
-    let text =
-        format!("{} is there, and was not written by this command: it would be replaced; move it away, or write elsewhere", path.display());
+    let text = format!(
+        "{} is there, and was not written by this command: it would be replaced; move it away, or write elsewhere",
+        path.display()
+    );
     Error::new(ErrorKind::AlreadyExists, text)
 }
 

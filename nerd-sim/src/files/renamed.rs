@@ -116,7 +116,12 @@ pub fn toml(kind: Kind, text: &str) -> Result<(String, Vec<Renamed>), String> {
 }
 
 /// Collects the places of a key in the tables at `path`.
-fn find(table: &DeTable, path: &[&str], name: Renamed, places: &mut Vec<(Range<usize>, Renamed)>) -> Result<(), String> {
+fn find(
+    table: &DeTable,
+    path: &[&str],
+    name: Renamed,
+    places: &mut Vec<(Range<usize>, Renamed)>,
+) -> Result<(), String> {
     let Some((first, rest)) = path.split_first() else {
         let old = table.keys().find(|key| key.get_ref() == name.0);
         if let Some(old) = old {
@@ -137,7 +142,11 @@ fn find(table: &DeTable, path: &[&str], name: Renamed, places: &mut Vec<(Range<u
 }
 
 fn twice((old, new): Renamed, both: bool) -> Result<(), String> {
-    if both { Err(format!("`{old}` is the old name of `{new}`, and both are given; leave `{old}` out")) } else { Ok(()) }
+    if both {
+        Err(format!("`{old}` is the old name of `{new}`, and both are given; leave `{old}` out"))
+    } else {
+        Ok(())
+    }
 }
 
 /// Gives old keys of a JSON object their new names; returns the keys that were renamed.

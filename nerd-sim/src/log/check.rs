@@ -52,7 +52,9 @@ fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
 /// Velocities that change much between the two rows are skipped, since the time of the change is unknown.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
-    let steady = rates.filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0).map(|(found, [a, b])| (found, (a + b) / 2.0));
+    let steady = rates
+        .filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0)
+        .map(|(found, [a, b])| (found, (a + b) / 2.0));
     let mut all: Vec<_> = steady.filter(|(found, measured)| (found + measured).iter().all(|x| x.is_finite())).collect();
     all.sort_by(|a, b| (b.0.norm() * b.1.norm()).total_cmp(&(a.0.norm() * a.1.norm())));
     all.truncate(all.len().div_ceil(4));
@@ -66,12 +68,21 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Opt
 }
 
 /// Refuses velocities that contradict the poses, and names a possible cause; smaller errors are noted.
-pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) -> Result<(), LogError> {
+pub(super) fn rates(
+    csv: &Path,
+    spec: &LogSpec,
+    system: &System,
+    raw: &[Raw],
+    notes: &mut Vec<String>,
+) -> Result<(), LogError> {
     let seconds = |a: &Moment, b: &Moment| b.time - a.time;
     // Velocities between poses and measured velocities, for `many` columns starting at `from`.
     let columns = |from: usize, many: usize| {
         let some = |all: &[f64]| Vector3::from_fn(|i, _| if i < many { all[from + i] } else { 0.0 });
-        misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), [a, b].map(|m| some(&m.qd)))))
+        misfit(
+            pairs(raw)
+                .map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), [a, b].map(|m| some(&m.qd)))),
+        )
     };
     if let Some(root) = &spec.root {
         if let (Some(names), Some([off, factor])) = (&root.velocity, columns(3, 3)) {
@@ -95,7 +106,12 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
             let better = best.filter(|(other, ..)| *other < 0.5 * off && off > ODD);
             let words = better.map(|(other, order, axes)| {
                 let word = |x: &dyn std::fmt::Debug| format!("{x:?}").to_lowercase();
-                format!("with order = \"{}\" and axes = \"{}\" they are {:.0} % off", word(&order), word(&axes), 100.0 * other)
+                format!(
+                    "with order = \"{}\" and axes = \"{}\" they are {:.0} % off",
+                    word(&order),
+                    word(&axes),
+                    100.0 * other
+                )
             });
             let columns = format!("{} and {}", root.quaternion.join(", "), names.join(", "));
             refuse(csv, &columns, off, factor, words, notes)?;
@@ -119,7 +135,14 @@ fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
     })
 }
 
-fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<String>, notes: &mut Vec<String>) -> Result<(), LogError> {
+fn refuse(
+    csv: &Path,
+    columns: &str,
+    off: f64,
+    factor: f64,
+    better: Option<String>,
+    notes: &mut Vec<String>,
+) -> Result<(), LogError> {
     let words = format!("columns {columns}: rates are {:.0} % off those that the poses have", 100.0 * off);
     let advice = match (better, unit(factor)) {
         (Some(better), _) => better,
@@ -142,7 +165,8 @@ pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Ve
     let joints = system.robot.joints().enumerate().filter_map(|(k, j)| Some((first + k, joint(&j.name)?)));
     for (k, column) in root.chain(joints) {
         let rows = raw.iter().flat_map(|r| r.moments.windows(2));
-        let mut moved: Vec<(f64, Place)> = rows.map(|pair| ((pair[1].q[k] - pair[0].q[k]).abs(), pair[1].place)).collect();
+        let mut moved: Vec<(f64, Place)> =
+            rows.map(|pair| ((pair[1].q[k] - pair[0].q[k]).abs(), pair[1].place)).collect();
         moved.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some((most, place)) = moved.last() else { continue };
         let usual = moved[(moved.len() * 99 / 100).saturating_sub(1)].0;
@@ -190,7 +214,9 @@ pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(),
     let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
     match unit(found / g) {
         Some(unit) => return Err(bad(csv, format!("{words}; {unit} would explain it"))),
-        None if (found / g - 1.0).abs() > OFF => return Err(bad(csv, format!("{words}: lengths or times cannot be right"))),
+        None if (found / g - 1.0).abs() > OFF => {
+            return Err(bad(csv, format!("{words}: lengths or times cannot be right")));
+        }
         None if (found / g - 1.0).abs() > ODD => {
             log.notes.push(format!("{words}: lengths may be {:+.1} % off", 100.0 * (found / g - 1.0)));
         }

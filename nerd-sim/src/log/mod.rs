@@ -30,13 +30,18 @@ impl Log {
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
-        let scene_name = spec.scene.clone().unwrap_or_else(|| if system.scene("ground").is_ok() { "ground" } else { "free" }.into());
+        let scene_name =
+            spec.scene.clone().unwrap_or_else(|| if system.scene("ground").is_ok() { "ground" } else { "free" }.into());
         let scene = system.scene(&scene_name)?;
         let (mut raw, mut notes) = (read::rows(&csv, &spec, &system)?, Vec::new());
         check::rates(&csv, &spec, &system, &raw, &mut notes)?;
         check::jumps(&spec, &system, &raw, &mut notes);
         let told = |name: &str| spec.joints.iter().any(|joint| joint.name == name && joint.torque.is_some());
-        let driven = system.robot.joints().zip(system.torque_amplitudes()).filter(|(joint, most)| *most > 0.0 && !told(&joint.name));
+        let driven = system
+            .robot
+            .joints()
+            .zip(system.torque_amplitudes())
+            .filter(|(joint, most)| *most > 0.0 && !told(&joint.name));
         let driven: Vec<String> = driven.map(|(joint, _)| format!("`{}`", joint.name)).collect();
         if !driven.is_empty() {
             notes.push(format!("no `torque` is named of {}, which the robot drives: taken as 0", driven.join(", ")));
@@ -47,9 +52,12 @@ impl Log {
             return Err(bad(&csv, format!("no two rows follow each other: {}", notes.join("; "))));
         }
         let frame = system.frame_time;
-        if let Some((place, step)) = cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame)
+        if let Some((place, step)) =
+            cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame)
         {
-            let text = format!("{place}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");
+            let text = format!(
+                "{place}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?"
+            );
             return Err(bad(&csv, text));
         }
         let trajectories = tidy::states(&system, cut, &mut notes);

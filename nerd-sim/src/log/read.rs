@@ -54,7 +54,9 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     renamed::note(&path.display().to_string(), old);
     let spec: LogSpec = toml::from_str(&text).map_err(|e| bad(path, e.to_string().trim().replace('\n', " ")))?;
     for Published { method, position, rotation } in &spec.published {
-        let within = |key: &str, x: f64| within(format!("[[published]] {method}: {key}"), x, 0.0..=1e9, "").map_err(|e| bad(path, e));
+        let within = |key: &str, x: f64| {
+            within(format!("[[published]] {method}: {key}"), x, 0.0..=1e9, "").map_err(|e| bad(path, e))
+        };
         within("position", *position).and_then(|()| within("rotation", *rotation))?;
     }
     within("cost", spec.cost.unwrap_or(1.0), 1e-6..=1e12, "us").map_err(|e| bad(path, e))?;
@@ -63,7 +65,10 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     let system = System::named(&name)?;
     let named: Vec<&str> = spec.joints.iter().map(|j| j.name.as_str()).collect();
     if let Some(joint) = system.robot.joints().find(|j| !named.contains(&j.name.as_str())) {
-        return Err(bad(path, format!("no [[joint]] has the position of joint `{}` of robot `{}`", joint.name, system.name)));
+        return Err(bad(
+            path,
+            format!("no [[joint]] has the position of joint `{}` of robot `{}`", joint.name, system.name),
+        ));
     }
     if let Some(name) = named.iter().find(|name| system.robot.joints().all(|j| j.name != **name)) {
         return Err(bad(path, format!("[[joint]] `{name}`: robot `{}` has no such joint", system.name)));
@@ -72,7 +77,9 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
         return Err(bad(path, format!("`{twice}` is used for two things")));
     }
     match (&spec.root, system.robot.floating()) {
-        (None, true) => Err(bad(path, format!("robot `{}` has a free base: [root] must have its position", system.name))),
+        (None, true) => {
+            Err(bad(path, format!("robot `{}` has a free base: [root] must have its position", system.name)))
+        }
         (Some(_), false) => Err(bad(path, format!("robot `{}` is fixed: [root] means nothing", system.name))),
         _ => Ok((spec, system)),
     }
@@ -83,7 +90,10 @@ fn columns(spec: &LogSpec) -> Vec<&String> {
         let rates = r.velocity.iter().chain(&r.ang_vel).flatten();
         r.position.iter().chain(&r.quaternion).chain(rates)
     });
-    let joints = spec.joints.iter().flat_map(|j| [Some(&j.position), j.velocity.as_ref(), j.torque.as_ref()].into_iter().flatten());
+    let joints = spec
+        .joints
+        .iter()
+        .flat_map(|j| [Some(&j.position), j.velocity.as_ref(), j.torque.as_ref()].into_iter().flatten());
     spec.trajectory.iter().chain(&spec.time).chain(root).chain(joints).collect()
 }
 
@@ -96,7 +106,8 @@ impl<'a> Columns<'a> {
             let (position, quaternion) = (many(&spec.position)?, many(&spec.quaternion)?);
             Ok(Root { spec, position, quaternion, velocity: some(&spec.velocity)?, ang_vel: some(&spec.ang_vel)? })
         };
-        let joints = system.robot.joints().filter_map(|joint| Some((joint, spec.joints.iter().find(|j| j.name == joint.name)?)));
+        let joints =
+            system.robot.joints().filter_map(|joint| Some((joint, spec.joints.iter().find(|j| j.name == joint.name)?)));
         let joints = joints.map(|(joint, j)| {
             let velocity = j.velocity.as_ref().map(one).transpose()?;
             let columns = [Some(one(&j.position)?), velocity, j.torque.as_ref().map(one).transpose()?];
@@ -167,7 +178,10 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
         }
         next += own.len().max(1) as u64;
         if let Some(id) = own.keys().find(|id| all.contains_key(*id)) {
-            return Err(bad(csv, format!("trajectory {id} is in another table, too; leave `trajectory` out if each table is one")));
+            return Err(bad(
+                csv,
+                format!("trajectory {id} is in another table, too; leave `trajectory` out if each table is one"),
+            ));
         }
         all.extend(own);
     }
@@ -189,7 +203,9 @@ fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<B
         let id = columns.trajectory.map_or(Ok(first + row.trajectory().unwrap_or(0)), |c| row.whole(c, u64::MAX))?;
         let mut moment = columns.moment(row)?;
         // Squares of larger numbers overflow, and no real motion reaches them.
-        if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
+        if let Some(x) =
+            moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST)
+        {
             return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
         }
         let raw = all.entry(id).or_insert_with(|| Raw { id, moments: Vec::new() });

@@ -48,7 +48,8 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     let before = raw.len();
     raw.retain(|r| {
         let own = print(r);
-        let same = |other: &Vec<f64>| own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
+        let same =
+            |other: &Vec<f64>| own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
         let Some(amid) = own.get(own.len() / 2).map(|x| (x / SAME) as i64) else { return true };
         let new = !prints.range(amid - 1..=amid + 1).any(|(_, others)| others.iter().any(same));
         if new {
@@ -57,7 +58,10 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
         new
     });
     if raw.len() < before {
-        notes.push(format!("{} of {before} trajectories are another one turned about the vertical, and are left out", before - raw.len()));
+        notes.push(format!(
+            "{} of {before} trajectories are another one turned about the vertical, and are left out",
+            before - raw.len()
+        ));
     }
 }
 
@@ -82,7 +86,9 @@ pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
         all.push(Raw { id, moments: part });
     }
     if idle > 0 {
-        notes.push(format!("{idle} rows that are not the last of a trajectory have no torque: trajectories are cut there"));
+        notes.push(format!(
+            "{idle} rows that are not the last of a trajectory have no torque: trajectories are cut there"
+        ));
     }
     let before = all.len();
     all.retain(|raw| raw.moments.len() > 1);
@@ -161,7 +167,10 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
     let all = raw.into_iter().map(|Raw { id, mut moments }| {
         differences += usize::from(differentiate(system, &mut moments));
         let start = moments[0].time;
-        let early = Some(rounding(&moments)).filter(|half| *half <= ROUNDED * frame).map_or(0.0, |half| 2.001 * half).max(JITTER * frame);
+        let early = Some(rounding(&moments))
+            .filter(|half| *half <= ROUNDED * frame)
+            .map_or(0.0, |half| 2.001 * half)
+            .max(JITTER * frame);
         let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= early;
         if !moments.iter().enumerate().all(on_time) {
             resampled.push(step(&moments));
@@ -190,7 +199,9 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
     });
     let all: Vec<Trajectory> = all.collect();
     if differences > 0 {
-        notes.push(format!("velocities that no column holds are central differences of the poses, in {differences} trajectories"));
+        notes.push(format!(
+            "velocities that no column holds are central differences of the poses, in {differences} trajectories"
+        ));
     }
     resampled.sort_by(f64::total_cmp);
     if let Some(usual) = resampled.get(resampled.len() / 2) {
@@ -200,7 +211,9 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
         } else {
             String::new()
         };
-        notes.push(format!("{count} of {total} trajectories have {theirs:.1} Hz and the robot {own:.1}: they are resampled{keep}"));
+        notes.push(format!(
+            "{count} of {total} trajectories have {theirs:.1} Hz and the robot {own:.1}: they are resampled{keep}"
+        ));
     }
     all
 }

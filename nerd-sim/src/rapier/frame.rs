@@ -36,7 +36,14 @@ impl Frame for Workspace {
         self.template.clone_from(template);
     }
 
-    fn step(&mut self, system: &System, scene: &Scene, config: &RapierConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+    fn step(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &RapierConfig,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<(), String> {
         let robot = &system.robot;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
@@ -162,7 +169,9 @@ impl Workspace {
                 JointKind::Prismatic => child.add_force(pull, false),
                 _ => child.add_torque(pull, false),
             }
-            let Some(parent) = link.parent.and_then(|p| self.world.bodies.get_mut(self.template.links[p])) else { continue };
+            let Some(parent) = link.parent.and_then(|p| self.world.bodies.get_mut(self.template.links[p])) else {
+                continue;
+            };
             match joint.kind {
                 JointKind::Prismatic => parent.add_force_at_point(-pull, at, false),
                 _ => parent.add_torque(-pull, false),
@@ -182,7 +191,8 @@ impl Workspace {
             // rapier has one spring per joint. Where limit and joint spring act together, their combined rest position
             // lies between both.
             let all = stiffness + joint.stiffness;
-            let rest = if joint.stiffness == 0.0 { end } else { (stiffness * end + joint.stiffness * joint.rest) / all };
+            let rest =
+                if joint.stiffness == 0.0 { end } else { (stiffness * end + joint.stiffness * joint.rest) / all };
             link.joint.set_spring(axis(joint), all, rest);
             multibody.damping_mut()[dofs + i] = joint.damping + damping;
         }
@@ -204,7 +214,8 @@ impl Workspace {
             return Ok(());
         }
         let body = self.world.bodies.get(root).ok_or("no root")?;
-        let (mut pose, mut speed, mut spin) = (pose_from_parry(body.position()), from_parry(&body.linvel()), from_parry(&body.angvel()));
+        let (mut pose, mut speed, mut spin) =
+            (pose_from_parry(body.position()), from_parry(&body.linvel()), from_parry(&body.angvel()));
         if let Some((multibody, _)) = self.multibody() {
             pose = pose_from_parry(multibody.root().local_to_world());
             let velocity = multibody.generalized_velocity();

@@ -8,7 +8,8 @@ use crate::internal::*;
 const OF_FILE: u128 = 1 << 64;
 
 /// Reason for refusing torsional and rolling friction.
-pub(super) const TURNS: &str = "torsional or rolling friction is asked for, which rapier has not; step with articulated";
+pub(super) const TURNS: &str =
+    "torsional or rolling friction is asked for, which rapier has not; step with articulated";
 
 /// Whether a material has torsional or rolling friction.
 pub(super) fn turns(material: &Material) -> bool {

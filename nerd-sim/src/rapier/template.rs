@@ -47,7 +47,8 @@ impl Template {
         if system.surfaces.turns() || turns(&system.spec.material) {
             return Err(TURNS.into());
         }
-        let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
+        let (mut bodies, mut colliders, mut joints) =
+            (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {
             Base::Fixed(pose) => Some(bodies.insert(RigidBodyBuilder::fixed().pose(pose_to_parry(&pose)))),
@@ -56,16 +57,24 @@ impl Template {
         let mut links = Vec::with_capacity(robot.links.len());
         for (i, link) in robot.links.iter().enumerate() {
             let shift = shift(robot, i, &root_com);
-            let body = RigidBodyBuilder::dynamic().can_sleep(false).additional_mass_properties(mass_properties(&link.inertia, &shift));
+            let body = RigidBodyBuilder::dynamic()
+                .can_sleep(false)
+                .additional_mass_properties(mass_properties(&link.inertia, &shift));
             let handle = bodies.insert(body);
             for (builder, geom) in touching(robot, i, &shift) {
                 let builder = surface(builder.density(0.0), &system.spec.material, ROBOT);
                 colliders.insert_with_parent(of_file(system, builder, geom), handle, &mut bodies);
             }
             if let Some(joint) = &link.joint {
-                let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
+                let parent = link
+                    .parent
+                    .map(|p| links[p])
+                    .or(base)
+                    .ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
                 let frames = frames(joint, &link.parent.map_or(Vector3::zeros(), |p| self::shift(robot, p, &root_com)));
-                joints.insert(parent, handle, frames, false).ok_or_else(|| format!("rapier refuses joint `{}`", joint.name))?;
+                joints
+                    .insert(parent, handle, frames, false)
+                    .ok_or_else(|| format!("rapier refuses joint `{}`", joint.name))?;
             }
             links.push(handle);
         }
@@ -81,7 +90,11 @@ impl Template {
             // A fixed root has six DoFs until this call reads the type of its body.
             multibody.forward_kinematics(&bodies, true);
             if multibody.ndofs() != robot.nv() {
-                return Err(format!("rapier gives the robot {} degrees of freedom, it has {}", multibody.ndofs(), robot.nv()));
+                return Err(format!(
+                    "rapier gives the robot {} degrees of freedom, it has {}",
+                    multibody.ndofs(),
+                    robot.nv()
+                ));
             }
             // rapier damps every angular DoF by 0.1, including a free root's.
             multibody.damping_mut().fill(0.0);
@@ -150,7 +163,11 @@ fn shift(robot: &Robot, link: usize, root_com: &Vector3<f64>) -> Vector3<f64> {
 fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassProperties {
     let i = &inertia.inertia;
     let column = |k: usize| Vector::new(i[(0, k)], i[(1, k)], i[(2, k)]);
-    MassProperties::with_inertia_matrix(to_parry(&(inertia.com - shift)), inertia.mass, Matrix::from_cols(column(0), column(1), column(2)))
+    MassProperties::with_inertia_matrix(
+        to_parry(&(inertia.com - shift)),
+        inertia.mass,
+        Matrix::from_cols(column(0), column(1), column(2)),
+    )
 }
 
 /// A joint along or about the x axis of two frames; `parent` is the origin of the parent's rapier body in its link
@@ -158,8 +175,11 @@ fn mass_properties(inertia: &BodyInertia, shift: &Vector3<f64>) -> MassPropertie
 fn frames(joint: &Joint, parent: &Vector3<f64>) -> GenericJoint {
     let align = Isometry3::from_parts(Vector3::zeros().into(), rotation_from(&Vector3::x_axis(), joint.axis()));
     let first = Isometry3::translation(-parent.x, -parent.y, -parent.z) * joint.origin() * align;
-    let locked =
-        if joint.kind == JointKind::Prismatic { JointAxesMask::LOCKED_PRISMATIC_AXES } else { JointAxesMask::LOCKED_REVOLUTE_AXES };
+    let locked = if joint.kind == JointKind::Prismatic {
+        JointAxesMask::LOCKED_PRISMATIC_AXES
+    } else {
+        JointAxesMask::LOCKED_REVOLUTE_AXES
+    };
     let builder = GenericJointBuilder::new(locked).contacts_enabled(false);
     builder.local_frame1(pose_to_parry(&first)).local_frame2(pose_to_parry(&align)).build()
 }

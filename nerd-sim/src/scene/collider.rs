@@ -47,7 +47,11 @@ pub struct Collider {
 impl Collider {
     /// A half-space.
     pub fn plane(plane: Plane, material: Material) -> Self {
-        let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
+        let pose = Isometry3::translation(
+            plane.normal.x * plane.offset,
+            plane.normal.y * plane.offset,
+            plane.normal.z * plane.offset,
+        );
         let ball = (Vector3::zeros(), f64::INFINITY);
         Self {
             shape: SharedShape::halfspace(to_parry(&plane.normal)),
@@ -168,7 +172,13 @@ impl Collider {
     pub(crate) fn query(&self, p0: &Vector3<f64>) -> ContactEvent {
         if let Some(plane) = &self.plane {
             let distance = plane.normal.dot(p0) - plane.offset;
-            return ContactEvent { p0: *p0, p1: p0 - plane.normal * distance, normal: plane.normal, distance, collider: 0 };
+            return ContactEvent {
+                p0: *p0,
+                p1: p0 - plane.normal * distance,
+                normal: plane.normal,
+                distance,
+                collider: 0,
+            };
         }
         if let Some(field) = &self.field {
             let (distance, normal) = field.over(&self.inside(p0));

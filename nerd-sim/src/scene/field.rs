@@ -55,7 +55,9 @@ impl TerrainSpec {
         within("`height`", self.height, 0.0..=10.0, "m")?;
         within("`cell`", self.cell, 1e-3..=10.0, "m")?;
         match (self.kind, self.length, self.seed) {
-            (TerrainKind::Rubble, Some(_), _) => Err("`length` is of steps, slopes and waves; leave it out for rubble".into()),
+            (TerrainKind::Rubble, Some(_), _) => {
+                Err("`length` is of steps, slopes and waves; leave it out for rubble".into())
+            }
             (TerrainKind::Rubble, None, _) => Ok(()),
             (_, _, Some(_)) => Err("`seed` is of rubble, since nothing else is drawn; leave it out".into()),
             _ => within("`length`", self.depth(), self.depths(), "m"),
@@ -113,13 +115,18 @@ impl Field {
         cell.into_iter().try_for_each(|cell| within("`cell`", cell, 1e-6..=1e6, "m"))?;
         let [n, m] = nodes;
         if n == 0 || n.checked_mul(m) != Some(heights.len()) || !heights.iter().all(|h| h.abs() <= 1e6) {
-            return Err(format!("{} heights of {n} x {m} nodes: as many finite ones are needed, of at most 1e6 m", heights.len()));
+            return Err(format!(
+                "{} heights of {n} x {m} nodes: as many finite ones are needed, of at most 1e6 m",
+                heights.len()
+            ));
         }
         let rise = |axis: usize| {
             let (di, dj) = if axis == 0 { (1, 0) } else { (0, 1) };
             let next = |k: usize| (k / m + di, k % m + dj);
             let inner = (0..n * m).map(|k| (k, next(k))).filter(|(_, (i, j))| base.is_none() || *i < n && *j < m);
-            inner.map(|(k, (i, j))| ((heights[i % n * m + j % m] - heights[k]) / cell[axis]).powi(2)).fold(0.0, f64::max)
+            inner
+                .map(|(k, (i, j))| ((heights[i % n * m + j % m] - heights[k]) / cell[axis]).powi(2))
+                .fold(0.0, f64::max)
         };
         let (highest, steepest) = (heights.iter().copied().fold(f64::MIN, f64::max), rise(0) + rise(1));
         Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0, base })
@@ -187,7 +194,8 @@ impl Field {
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let ([i, p], a) = self.cell_of(0, x);
         let ([j, q], b) = self.cell_of(1, y);
-        let [o, p, q, r] = [(i, j), (p, j), (i, q), (p, q)].map(|(i, j)| self.heights[i * self.nodes[1] + j] * self.scale);
+        let [o, p, q, r] =
+            [(i, j), (p, j), (i, q), (p, q)].map(|(i, j)| self.heights[i * self.nodes[1] + j] * self.scale);
         let (low, high) = (o + a * (p - o), q + a * (r - q));
         let along = (p - o) + b * ((r - q) - (p - o));
         (low + b * (high - low), [along / self.cell[0], (high - low) / self.cell[1]])
@@ -209,7 +217,8 @@ impl Field {
     /// Whether bounds prove a point (in the field's axes) to be at least `reach` (m) away: edges, largest height,
     /// steepest slope.
     pub(crate) fn beyond(&self, place: &Vector3<f64>, reach: f64) -> bool {
-        let aside = || self.base.is_some() && self.half().iter().zip(place.iter()).any(|(half, x)| x.abs() - half >= reach);
+        let aside =
+            || self.base.is_some() && self.half().iter().zip(place.iter()).any(|(half, x)| x.abs() - half >= reach);
         place.z - self.highest() >= reach * (1.0 + self.steepest * self.scale * self.scale).sqrt() || aside()
     }
 

@@ -28,7 +28,8 @@ impl Hull {
         let face = |face: &[u32; 3]| {
             let corners @ [a, b, c] = face.map(|k| from_parry(&vertices[k as usize]));
             // The normal of a sliver is rounding noise, and its neighbours are as near.
-            let normal = (b - a).cross(&(c - a)).try_normalize(SLIVER * (b - a).norm_squared().max((c - a).norm_squared()))?;
+            let normal =
+                (b - a).cross(&(c - a)).try_normalize(SLIVER * (b - a).norm_squared().max((c - a).norm_squared()))?;
             Some(Face { corners, normal, offset: normal.dot(&a) })
         };
         Some(Self(faces.iter().filter_map(face).collect()))
@@ -72,7 +73,9 @@ impl Hull {
 
     /// Number of faces, then for each face its corners relative to `middle` (m) and its normal.
     pub(crate) fn numbers(&self, middle: &Vector3<f64>) -> Vec<f64> {
-        let face = |face: &Face| face.corners.map(|corner| corner - middle).into_iter().chain([face.normal]).collect::<Vec<_>>();
+        let face = |face: &Face| {
+            face.corners.map(|corner| corner - middle).into_iter().chain([face.normal]).collect::<Vec<_>>()
+        };
         let all = self.0.iter().flat_map(face).flat_map(|v| [v.x, v.y, v.z]);
         std::iter::once(self.0.len() as f64).chain(all).collect()
     }
@@ -113,7 +116,9 @@ mod tests {
     #[test]
     fn the_hull_of_a_box_is_the_box() {
         let half = [0.3, 0.2, 0.1];
-        let corner = |k: usize| ParryVector::new(half[0], half[1], half[2]) * ParryVector::new(sign(k), sign(k >> 1), sign(k >> 2));
+        let corner = |k: usize| {
+            ParryVector::new(half[0], half[1], half[2]) * ParryVector::new(sign(k), sign(k >> 1), sign(k >> 2))
+        };
         let shape = SharedShape::convex_hull(&(0..8).map(corner).collect::<Vec<_>>()).expect("a hull");
         let (hull, cuboid) = (Hull::of(&shape).expect("faces"), SharedShape::cuboid(half[0], half[1], half[2]));
         let (mut rng, mut inside) = (crate::random::stream(3, 0), 0);

@@ -91,7 +91,14 @@ impl Scene {
     ///
     /// Colliders that overlap or adjoin act as their union: a nearest surface point covered by a nearer collider is
     /// left out. A point inside several colliders is pushed out of each.
-    pub fn meetings(&self, point: &ContactPoint, data: &Data, reach: f64, surfaces: &Surfaces, events: &mut Vec<ContactEvent>) {
+    pub fn meetings(
+        &self,
+        point: &ContactPoint,
+        data: &Data,
+        reach: f64,
+        surfaces: &Surfaces,
+        events: &mut Vec<ContactEvent>,
+    ) {
         let middle = point_position(data, point.link, &point.local);
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {
@@ -119,7 +126,8 @@ impl Scene {
     /// Whether a nearer collider covers the nearest surface point of an event with `p0` outside.
     fn covered(&self, event: &ContactEvent, others: &[ContactEvent]) -> bool {
         let nearer = |o: &&ContactEvent| (o.distance, o.collider) < (event.distance, event.collider);
-        event.distance > 0.0 && others.iter().filter(nearer).any(|o| self.colliders[o.collider].query(&event.p1).distance < SKIN)
+        event.distance > 0.0
+            && others.iter().filter(nearer).any(|o| self.colliders[o.collider].query(&event.p1).distance < SKIN)
     }
 
     /// Refuses values that are not finite or out of range. Solvers call this before they step.
@@ -127,7 +135,9 @@ impl Scene {
         if !self.gravity.iter().all(|g| g.is_finite()) {
             return Err(format!("scene `{}`: gravity {:?} is not finite (m/s^2)", self.name, self.gravity.as_slice()));
         }
-        let wrong = |(k, body): (usize, &Collider)| body.check().err().map(|e| format!("scene `{}`, collider {k}: {e}", self.name));
+        let wrong = |(k, body): (usize, &Collider)| {
+            body.check().err().map(|e| format!("scene `{}`, collider {k}: {e}", self.name))
+        };
         self.colliders.iter().enumerate().find_map(wrong).map_or(Ok(()), Err)
     }
 }

@@ -44,7 +44,16 @@ impl Default for Material {
     /// The reference simulator's plane: 1e5 N/m, 1e3 N s/m, 0.5. Tangential damping is 1e5 N s/m in place of 1e3. In
     /// explicit steps, a foot pushed sideways by 30 N then creeps at 0.3 mm/s in place of 30 mm/s.
     fn default() -> Self {
-        Self { stiffness: 1e5, damping: 1e3, friction_damping: 1e5, friction: 0.5, torsion: 0.0, rolling: 0.0, margin: 0.0, release: 0.0 }
+        Self {
+            stiffness: 1e5,
+            damping: 1e3,
+            friction_damping: 1e5,
+            friction: 0.5,
+            torsion: 0.0,
+            rolling: 0.0,
+            margin: 0.0,
+            release: 0.0,
+        }
     }
 }
 

@@ -39,11 +39,17 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
         None => Collider::plane(flat(gravity, &spec.plane), material),
     };
     let boxes = spec.boxes.iter().map(|b| {
-        let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.yaw));
-        Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.position).into(), upright * turn), material)
+        let ([x, y, z], turn) =
+            (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.yaw));
+        Collider::new(
+            SharedShape::cuboid(x, y, z),
+            Isometry3::from_parts(Vector3::from(b.position).into(), upright * turn),
+            material,
+        )
     });
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
-    let colliders = std::iter::once(ground).chain(boxes).chain(pegs).map(|collider| Collider { stated, ..collider }).collect();
+    let colliders =
+        std::iter::once(ground).chain(boxes).chain(pegs).map(|collider| Collider { stated, ..collider }).collect();
     Ok(Scene { name: spec.name.clone(), gravity: *gravity, colliders })
 }
 
@@ -73,7 +79,8 @@ fn upright(gravity: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// A scene of [`WORLDS`] under `gravity`, with one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
     let turn = upright(gravity);
-    let level = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
+    let level =
+        |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
     let cuboid = |half: [f64; 3], centre: [f64; 3]| {
         let pose = Isometry3::from_parts((turn * Vector3::from(centre)).into(), turn);
         Collider::new(SharedShape::cuboid(half[0], half[1], half[2]), pose, material)

@@ -21,8 +21,7 @@ pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Res
 /// As [`check`], with drives and a robot per environment allowed.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
-        let text =
-            "a robot has motors of its own (vary: delay, strength, zero, top_speed, ripple): put nerd_sim::rig::Rig around this solver";
+        let text = "a robot has motors of its own (vary: delay, strength, zero, top_speed, ripple): put nerd_sim::rig::Rig around this solver";
         return Err(StepError::Refused(text.into()));
     }
     numbers(batch, torques, faults)
@@ -110,5 +109,8 @@ fn add(faults: &mut Vec<Fault>, batch: &Batch, env: usize, reason: String) {
 /// Describes the first non-finite number of a state (or of a prefix of a state).
 pub(crate) fn gone(system: &System, state: &[f64]) -> Option<String> {
     let column = state.iter().position(|x| !x.is_finite())?;
-    Some(format!("`{}` is {}; the state before it is the last good one", system.spec.state_columns[column], state[column]))
+    Some(format!(
+        "`{}` is {}; the state before it is the last good one",
+        system.spec.state_columns[column], state[column]
+    ))
 }

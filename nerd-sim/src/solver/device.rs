@@ -54,8 +54,8 @@ pub struct Back {
     pub rows: usize,
     /// Input: gradients with respect to the next states, in their tangent space.
     pub grad_next: u64,
-    /// Output: gradients with respect to the states; may be the memory of `grad_next`. Zero where an environment's frame
-    /// fails.
+    /// Output: gradients with respect to the states; may be the memory of `grad_next`. Zero where an environment's
+    /// frame fails.
     pub by_states: u64,
     /// Output: gradients with respect to torques.
     pub by_torques: u64,
@@ -116,7 +116,12 @@ impl Held {
     }
 
     /// Downloads states and forces after frames. Returns each environment's fault and its number of completed frames.
-    pub(crate) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
+    pub(crate) fn give(
+        &self,
+        device: &Device,
+        batch: &mut Batch,
+        next: &mut Vec<f64>,
+    ) -> Result<Vec<(i32, u32)>, DeviceError> {
         next.resize(batch.states.len(), 0.0);
         device.read(&self.states, next)?;
         let (mut wrong, mut went) = (vec![0i32; self.n], vec![0u32; self.n]);

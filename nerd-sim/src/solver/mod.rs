@@ -52,13 +52,21 @@ pub trait Solver: Send {
     ///
     /// # Errors
     /// [`StepError::Refused`] for a solver without gradients; else as [`Self::step`].
-    fn vjp(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _grad_next: &[f64]) -> Result<Gradients, StepError> {
-        Err(StepError::Refused("this solver has no gradients: take articulated, or a pure model whose network sees one frame".into()))
+    fn vjp(
+        &mut self,
+        _batch: &Batch,
+        _torques: &[f64],
+        _rows: usize,
+        _grad_next: &[f64],
+    ) -> Result<Gradients, StepError> {
+        Err(StepError::Refused(
+            "this solver has no gradients: take articulated, or a pure model whose network sees one frame".into(),
+        ))
     }
 
     /// Linearisation of the frame: [`Self::vjp`] with the rows of an identity. `states` holds the matrix A of every
-    /// environment, `[2 nv][2 nv]`, and `torques` the matrix B, `[2 nv][joint]`. [`Gradients::forward`] multiplies them by
-    /// a direction.
+    /// environment, `[2 nv][2 nv]`, and `torques` the matrix B, `[2 nv][joint]`. [`Gradients::forward`] multiplies them
+    /// by a direction.
     fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Gradients, StepError> {
         let size = 2 * batch.system.robot.nv();
         let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();

@@ -30,7 +30,14 @@ pub(crate) trait Frame: Send + Sized {
     fn turn_to(&mut self, prepared: &Arc<Self::Prepared>);
 
     /// Advances `state` under joint torques `tau`; the error is the reason of a failure.
-    fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
+    fn step(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &Self::Config,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<(), String>;
 
     /// Sets the drives of the next environment, and whether its torques are servo commands.
     fn drive(&mut self, _drives: &[Drive], _servo: bool) {}
@@ -81,7 +88,14 @@ impl<F: Frame> Parallel<F> {
     pub(crate) const CAPABILITIES: Capabilities = Capabilities { drives: F::DRIVEN, forces: F::DRIVEN, systems: true };
 
     pub(crate) fn new() -> Self {
-        Self { prepared: None, own: Vec::new(), frames: Vec::new(), next: Vec::new(), none: Vec::new(), faults: Mutex::default() }
+        Self {
+            prepared: None,
+            own: Vec::new(),
+            frames: Vec::new(),
+            next: Vec::new(),
+            none: Vec::new(),
+            faults: Mutex::default(),
+        }
     }
 
     /// Steps every environment without a fault by one frame; see [`crate::solver::Solver::step`].
@@ -130,7 +144,12 @@ impl<F: Frame> Parallel<F> {
             }
         };
         if chunks <= 1 {
-            self.next.chunks_mut(F::CHUNK * d).zip(reported.chunks_mut(width)).zip(&mut self.frames).enumerate().for_each(run);
+            self.next
+                .chunks_mut(F::CHUNK * d)
+                .zip(reported.chunks_mut(width))
+                .zip(&mut self.frames)
+                .enumerate()
+                .for_each(run);
         } else {
             let both = self.next.par_chunks_mut(F::CHUNK * d).zip(reported.par_chunks_mut(width));
             both.zip(self.frames.par_iter_mut()).enumerate().for_each(run);
@@ -170,7 +189,8 @@ impl<F: Frame> Parallel<F> {
             if let Some((_, prepared)) = own.get(env) {
                 frame.turn_to(prepared);
             }
-            let (tau, grad_next) = (&torques[env * joints..(env + 1) * joints], &grad_next[env * width..(env + 1) * width]);
+            let (tau, grad_next) =
+                (&torques[env * joints..(env + 1) * joints], &grad_next[env * width..(env + 1) * width]);
             let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, grad_next, numbers)?;
             if let Some(reason) = gone(batch.of(env), &found.next) {
                 return Err(reason);
@@ -194,7 +214,9 @@ impl<F: Frame> Parallel<F> {
         for (env, found) in found.into_iter().enumerate() {
             match found {
                 Ok(found) => out.append(found),
-                Err(reason) => faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) }),
+                Err(reason) => {
+                    faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) })
+                }
             }
         }
         if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
@@ -219,10 +241,9 @@ impl<F: Frame> Parallel<F> {
             if self.own.get(env).is_some_and(|(own, _)| Arc::ptr_eq(own, system)) {
                 continue;
             }
-            batch
-                .system
-                .alike(system)
-                .map_err(|what| format!("the robot of environment {env} is built otherwise than the batch's: {what}"))?;
+            batch.system.alike(system).map_err(|what| {
+                format!("the robot of environment {env} is built otherwise than the batch's: {what}")
+            })?;
             let prepared = (system.clone(), F::prepare(system)?);
             match self.own.get_mut(env) {
                 Some(own) => *own = prepared,

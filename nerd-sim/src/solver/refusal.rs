@@ -73,7 +73,8 @@ pub struct Fault {
 
 fn line(faults: &[Fault]) -> String {
     let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
-    let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
+    let others =
+        if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
     format!("environment {env}, frame {frame}: {reason}{others}")
 }
 

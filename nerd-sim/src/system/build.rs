@@ -12,7 +12,13 @@ use crate::internal::*;
 
 impl System {
     /// Builds a system from a robot and an unchecked specification.
-    pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, world: World, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
+    pub(crate) fn new(
+        name: &str,
+        read: impl Into<UrdfRobot>,
+        world: World,
+        mut spec: Spec,
+        source: Source,
+    ) -> Result<Self, SystemError> {
         let UrdfRobot { mut robot, notes, meshes, hulls, mut base } = read.into();
         if source != Source::Derived || spec.floating {
             base.clear();
@@ -29,13 +35,16 @@ impl System {
         equip(&mut robot, &spec, source != Source::Derived);
         let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
         if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
-            return Err(wrong(format!("{key}: the robot has no contact point that could touch it; give it [[contact]] points")));
+            return Err(wrong(format!(
+                "{key}: the robot has no contact point that could touch it; give it [[contact]] points"
+            )));
         }
         if let Some(vary) = &spec.vary {
             vary.fits(&robot).map_err(wrong)?;
         }
         let stand_in = |name: &String| robot.link(spec.mass_matrix_of.get(name).unwrap_or(name)).unwrap_or_default();
-        let stand_ins = robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
+        let stand_ins =
+            robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
         let frame_time = spec.seconds();
         let folds = Folds::default();
         let (motors, drawn, file) = Default::default();
@@ -64,7 +73,8 @@ impl System {
         let (gravity, material) = (system.gravity(), system.spec.material);
         soften(Arc::make_mut(&mut system.surfaces), &system.robot, &state, &gravity, &material).map_err(wrong)?;
         if system.spec.self_collision {
-            let (folds, note) = Folds::new(&system.robot, &hulls, &system.surfaces, &system.default_state()[..system.robot.nq()]);
+            let (folds, note) =
+                Folds::new(&system.robot, &hulls, &system.surfaces, &system.default_state()[..system.robot.nq()]);
             system.folds = folds;
             system.notes.push(note);
         }
@@ -74,8 +84,14 @@ impl System {
         }
         for which in [Start::Sample, Start::Reset] {
             if clear_start(&system, which, &mut stream(0, 0)).is_none() {
-                let ([starts, remedy], scene) = (source.starts(system.spec.root.is_some(), which.name()), system.spec.data_scene);
-                return Err(SystemError::Blocked(name.into(), format!("{DRAWS} starts {starts}"), scene.unwrap_or_default(), remedy));
+                let ([starts, remedy], scene) =
+                    (source.starts(system.spec.root.is_some(), which.name()), system.spec.data_scene);
+                return Err(SystemError::Blocked(
+                    name.into(),
+                    format!("{DRAWS} starts {starts}"),
+                    scene.unwrap_or_default(),
+                    remedy,
+                ));
             }
         }
         Ok(system)
@@ -93,11 +109,15 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
     let missing: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
     stiffen(robot, &missing, spec.seconds() / spec.substeps as f64);
     if !spec.contacts.is_empty() {
-        let points = |c: &ContactSpec| robot.link(&c.link).map(|link| c.points(link, &robot.links[link].frame)).unwrap_or_default();
+        let points = |c: &ContactSpec| {
+            robot.link(&c.link).map(|link| c.points(link, &robot.links[link].frame)).unwrap_or_default()
+        };
         let listed: Vec<ContactPoint> = spec.contacts.iter().flat_map(points).collect();
         // A listed point at the position of one of the file's points gets that point's surface; positions may coincide.
-        let mut own: Vec<_> = std::mem::take(&mut robot.contact_points).into_iter().filter(|p| p.surface.is_some()).collect();
-        let mut surface = |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
+        let mut own: Vec<_> =
+            std::mem::take(&mut robot.contact_points).into_iter().filter(|p| p.surface.is_some()).collect();
+        let mut surface =
+            |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
         robot.contact_points = listed.into_iter().map(|p| p.clone().on(surface(&p))).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
         // Nothing to touch: without contact points the solver skips contact.
@@ -107,7 +127,9 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
 
 /// Whether two contact points are equal up to rounding.
 fn same(a: &ContactPoint, b: &ContactPoint) -> bool {
-    let near = |a: Vec<Vector3<f64>>, b: Vec<Vector3<f64>>| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).amax() < 1e-9);
+    let near = |a: Vec<Vector3<f64>>, b: Vec<Vector3<f64>>| {
+        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).amax() < 1e-9)
+    };
     a.link == b.link && a.radius == b.radius && near(a.places(), b.places())
 }
 
@@ -141,8 +163,10 @@ fn upright(quaternion: &mut [f64; 4]) {
 /// clash with another column.
 pub(crate) fn name_columns(robot: &Robot, spec: &mut Spec) {
     let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
-    let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
-    let given: HashMap<&str, &String> = spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
+    let (pose, twist) =
+        (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));
+    let given: HashMap<&str, &String> =
+        spec.joints.iter().filter_map(|s| Some((s.name.as_str(), s.column.as_ref()?))).collect();
     let mut taken: HashSet<String> = pose.iter().chain(&twist).cloned().chain(RESERVED.map(String::from)).collect();
     let mut column = |joint: &Joint| {
         let clashes = |taken: &HashSet<String>, name: &str| {

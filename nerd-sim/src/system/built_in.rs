@@ -33,8 +33,10 @@ pub(super) const FAMILIES: [(&str, &str, &str); 6] = built_in! {
 };
 
 /// Name and specification of each built-in cable.
-pub(super) const CABLES: [(&str, &str); 2] =
-    [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];
+pub(super) const CABLES: [(&str, &str); 2] = [
+    ("lead", include_str!("../../assets/cables/lead.toml")),
+    ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml")),
+];
 
 /// Keys of a robot's TOML that do not apply to a cable, and the reason or alternative.
 pub(crate) const FOREIGN: [(&str, &str); 5] = [

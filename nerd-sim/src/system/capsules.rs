@@ -68,7 +68,9 @@ impl Capsule {
     }
 
     pub(crate) fn of_shape(shape: &Shape) -> Vec<Self> {
-        let axis = |half_length: f64, radius: f64| (radius > 0.0).then(|| along(&shape.pose, 2, half_length, radius)).into_iter().collect();
+        let axis = |half_length: f64, radius: f64| {
+            (radius > 0.0).then(|| along(&shape.pose, 2, half_length, radius)).into_iter().collect()
+        };
         match shape.kind {
             ShapeKind::Sphere { radius } => axis(0.0, radius),
             ShapeKind::Capsule { radius, half_length } => axis(half_length, radius),
@@ -140,9 +142,10 @@ fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
         axes = -axes;
     }
     let about = |turn: Rotation3<f64>| {
-        let ends = vertices.iter().map(|v| turn.inverse() * v).fold(None, |ends: Option<(Vector3<f64>, Vector3<f64>)>, v| {
-            Some(ends.map_or((v, v), |(low, high)| (low.inf(&v), high.sup(&v))))
-        });
+        let ends =
+            vertices.iter().map(|v| turn.inverse() * v).fold(None, |ends: Option<(Vector3<f64>, Vector3<f64>)>, v| {
+                Some(ends.map_or((v, v), |(low, high)| (low.inf(&v), high.sup(&v))))
+            });
         let (low, high) = ends.unwrap_or_default();
         (Isometry3::from_parts((turn * (low + high) * 0.5).into(), turn.into()), (high - low) * 0.5)
     };
@@ -181,14 +184,18 @@ impl Room {
     /// The part of a capsule inside the hull; its ends may stick out slightly.
     fn fit(&self, bar: &Capsule) -> Option<Capsule> {
         let station = |k: usize| 2.0 * k as f64 / (STATIONS - 1) as f64 - 1.0;
-        let room: Vec<f64> = (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();
+        let room: Vec<f64> =
+            (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();
         let most = room.iter().copied().fold(0.0, f64::max);
         let kept = |k: &usize| room[*k] >= LEFT * most;
         let (first, last) = ((0..STATIONS).find(kept)?, (0..STATIONS).rfind(kept)?);
         let radius = room[first..=last].iter().sum::<f64>() / (last + 1 - first) as f64;
         let (a, b) = (station(first), station(last));
-        let fitted =
-            Capsule { middle: bar.middle + bar.half * (0.5 * (a + b)), half: bar.half * (0.5 * (b - a)), radius: radius.max(THINNEST) };
+        let fitted = Capsule {
+            middle: bar.middle + bar.half * (0.5 * (a + b)),
+            half: bar.half * (0.5 * (b - a)),
+            radius: radius.max(THINNEST),
+        };
         (most >= THERE * bar.radius || most <= THINNEST).then_some(fitted)
     }
 }

@@ -35,8 +35,8 @@ impl Folds {
     /// them.
     pub(crate) fn new(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, q: &[f64]) -> (Self, String) {
         let (mut folds, mut of_file, mut off) = (Self::default(), Vec::new(), 0.0f64);
-        for (link, surface) in
-            (0..robot.links.len()).flat_map(|link| parts(robot, meshes, surfaces, link).into_iter().map(move |s| (link, s)))
+        for (link, surface) in (0..robot.links.len())
+            .flat_map(|link| parts(robot, meshes, surfaces, link).into_iter().map(move |s| (link, s)))
         {
             let first = folds.capsules.len();
             let (mine, points) = of(robot, meshes, link, surface);
@@ -63,9 +63,15 @@ impl Folds {
         let mut touch: Vec<_> = touch.iter().map(|(pair, _)| pair.map(|part| folds.links[part])).collect();
         touch.dedup();
         (folds.pairs, folds.laws) = pairs.into_iter().unzip();
-        let named = touch.iter().map(|[a, b]| format!("{} - {}", robot.links[*a].name, robot.links[*b].name)).collect::<Vec<_>>();
-        let without =
-            if named.is_empty() { String::new() } else { format!("; not of those that touch in the default pose: {}", named.join(", ")) };
+        let named = touch
+            .iter()
+            .map(|[a, b]| format!("{} - {}", robot.links[*a].name, robot.links[*b].name))
+            .collect::<Vec<_>>();
+        let without = if named.is_empty() {
+            String::new()
+        } else {
+            format!("; not of those that touch in the default pose: {}", named.join(", "))
+        };
         let mut met: Vec<_> = folds.pairs.iter().map(|pair| pair.map(|part| folds.links[part])).collect();
         met.dedup();
         let note = match met.len() {
@@ -121,7 +127,10 @@ fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Ve
     own.sort_unstable();
     own.dedup();
     let meets = |own: usize| {
-        (0..robot.links.len()).filter(|other| *other != link).flat_map(of).any(|o| o.is_none_or(|o| surfaces.between(own, o).is_some()))
+        (0..robot.links.len())
+            .filter(|other| *other != link)
+            .flat_map(of)
+            .any(|o| o.is_none_or(|o| surfaces.between(own, o).is_some()))
     };
     own.retain(|own| own.is_none_or(meets));
     own
@@ -135,18 +144,21 @@ fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (V
     let mut points: Vec<_> = shapes().flat_map(|shape| shape.contact_points(link)).collect();
     let own = |mesh: &&Hull| mesh.link == link && (surface.is_none() || mesh.surface == surface);
     let meshes = meshes.iter().filter(own).map(|mesh| &mesh.vertices);
-    let hulls = robot.contact_points.iter().filter(|p| p.link == link && surface.is_none()).filter_map(|p| match &p.locus {
-        Locus::Hull { vertices, .. } => Some(vertices),
-        _ => None,
-    });
-    let meshes: Vec<_> = if shapes().next().is_none() && meshes.clone().next().is_none() { hulls.collect() } else { meshes.collect() };
+    let hulls =
+        robot.contact_points.iter().filter(|p| p.link == link && surface.is_none()).filter_map(|p| match &p.locus {
+            Locus::Hull { vertices, .. } => Some(vertices),
+            _ => None,
+        });
+    let meshes: Vec<_> =
+        if shapes().next().is_none() && meshes.clone().next().is_none() { hulls.collect() } else { meshes.collect() };
     for vertices in meshes {
         capsules.extend(Capsule::of_hull(vertices));
         points.push(ContactPoint::hull(link, vertices.clone(), 0.0));
     }
     // A capsule inside another is redundant.
     let needless = |k: &usize| {
-        (0..capsules.len()).any(|o| o != *k && capsules[*k].within(&capsules[o]) && (o < *k || !capsules[o].within(&capsules[*k])))
+        (0..capsules.len())
+            .any(|o| o != *k && capsules[*k].within(&capsules[o]) && (o < *k || !capsules[o].within(&capsules[*k])))
     };
     let kept = (0..capsules.len()).filter(|k| !needless(k)).map(|k| capsules[k]).collect();
     (kept, points)

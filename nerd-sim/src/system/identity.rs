@@ -43,7 +43,10 @@ impl System {
             // Keys added later are omitted where they have no effect, so that earlier systems keep their hash.
             let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
             keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
-            keys.get_mut("vary").and_then(Value::as_object_mut).into_iter().for_each(|vary| vary.retain(|_, range| !range.is_null()));
+            keys.get_mut("vary")
+                .and_then(Value::as_object_mut)
+                .into_iter()
+                .for_each(|vary| vary.retain(|_, range| !range.is_null()));
         }
         crate::files::renamed::hashed(&mut spec);
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
@@ -82,7 +85,8 @@ impl System {
             "refresh": spec.refresh,
         });
         if !self.folds.is_empty() {
-            let capsules = self.folds.capsules.iter().map(|c| json!([c.middle.as_slice(), c.half.as_slice(), c.radius]));
+            let capsules =
+                self.folds.capsules.iter().map(|c| json!([c.middle.as_slice(), c.half.as_slice(), c.radius]));
             let mut folds = vec![json!(capsules.collect::<Vec<_>>()), json!(self.folds.own), json!(self.folds.pairs)];
             if !self.surfaces.is_empty() {
                 let laws = self.folds.laws.iter().map(|law| law.as_ref().map(PairLaw::numbers));

@@ -40,7 +40,8 @@ impl System {
         // A specification that names another robot's file must not be applied to this robot.
         match &system.spec.urdf {
             Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
-                let text = format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
+                let text =
+                    format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
                 Err(SystemError::Spec(stem.into(), text))
             }
             _ => Ok(Arc::new(system)),
@@ -92,7 +93,8 @@ impl System {
     /// Derives a specification from a robot's file, for all keys missing in the partial specification `own`
     /// (`derive.rs`).
     fn derived(name: &str, file: Description, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
-        let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
+        let points =
+            own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
         let read = |floating| -> Result<UrdfRobot, UrdfError> {
             file.stands(floating)?;
             let mut read = UrdfRobot::of_alone(&file.bodies, base(floating))?;
@@ -120,13 +122,21 @@ impl System {
         if untouched(&own) {
             read.robot.contact_points.clear();
         }
-        let defaults = [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
-        let default =
-            |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default_q")?.clone().try_into::<f64>().ok()?));
+        let defaults =
+            [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
+        let default = |joint: &toml::Value| {
+            Some((joint.get("name")?.as_str()?.to_string(), joint.get("default_q")?.clone().try_into::<f64>().ok()?))
+        };
         let defaults = defaults.filter_map(default).collect();
         let mut keys = file.keys_of(&read.robot);
         // `defaults` already holds the default pose.
-        for joint in keys.get_mut("joint").and_then(toml::Value::as_array_mut).into_iter().flatten().filter_map(toml::Value::as_table_mut) {
+        for joint in keys
+            .get_mut("joint")
+            .and_then(toml::Value::as_array_mut)
+            .into_iter()
+            .flatten()
+            .filter_map(toml::Value::as_table_mut)
+        {
             joint.remove("default_q");
         }
         let world = World::of(&file, path, &mut read.notes);
@@ -189,7 +199,9 @@ impl System {
         let wrong = |e: String| SystemError::spec(name, e);
         let mut own: Table = toml::from_str(&renewed(name, text)?).map_err(|e| wrong(e.to_string()))?;
         let Some(cable) = own.remove("cable") else {
-            return Err(wrong("there is no [cable] in it, and of other robots the .urdf is named, not the .toml beside it".into()));
+            return Err(wrong(
+                "there is no [cable] in it, and of other robots the .urdf is named, not the .toml beside it".into(),
+            ));
         };
         let cable: CableSpec = cable.try_into().map_err(|e| wrong(format!("[cable]: {e}")))?;
         cable.check().map_err(wrong)?;

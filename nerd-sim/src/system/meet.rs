@@ -15,7 +15,8 @@ impl System {
             Some(0.5 * material.stiffness * (event.distance - point.radius - material.margin).min(0.0).powi(2))
         });
         let joints = || state[robot.root_coords()..].iter().zip(robot.joints());
-        let bent = joints().filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
+        let bent =
+            joints().filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
         let sprung = joints().map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
         pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
     }
@@ -33,7 +34,8 @@ impl System {
     /// Material of the k-th pair of self-colliding parts.
     pub(crate) fn folding(&self, k: usize) -> Material {
         let own = &self.spec.material;
-        self.folds.laws[k].map_or(*own, |law| own.pair(&law, self.one_friction.filter(|_| law.condim > 1).unwrap_or(law.friction)))
+        self.folds.laws[k]
+            .map_or(*own, |law| own.pair(&law, self.one_friction.filter(|_| law.condim > 1).unwrap_or(law.friction)))
     }
 }
 

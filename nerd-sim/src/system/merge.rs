@@ -60,10 +60,14 @@ impl Spec {
                 }
             }
         }
-        if let (Some(toml::Value::Table(known)), Some(toml::Value::Table(given))) = (all.get_mut("material"), own.get_mut("material")) {
+        if let (Some(toml::Value::Table(known)), Some(toml::Value::Table(given))) =
+            (all.get_mut("material"), own.get_mut("material"))
+        {
             known.iter().for_each(|(key, value)| _ = given.entry(key).or_insert(value.clone()));
         }
-        if let (Some(toml::Value::Array(known)), Some(toml::Value::Array(given))) = (all.get("scene"), own.get_mut("scene")) {
+        if let (Some(toml::Value::Array(known)), Some(toml::Value::Array(given))) =
+            (all.get("scene"), own.get_mut("scene"))
+        {
             let others = known.iter().filter(|scene| given.iter().all(|own| name(own) != name(scene))).cloned();
             let others: Vec<_> = others.collect();
             given.splice(..0, others);
@@ -79,7 +83,10 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
     let Some(like) = own.remove("like") else { return Ok(None) };
     let known = like.as_str().and_then(System::texts);
     let Some((other, _)) = known else {
-        return Err(format!("like = {like}: choose from {}, or \"urdf\" for what the URDF suggests", System::built_in().join(", ")));
+        return Err(format!(
+            "like = {like}: choose from {}, or \"urdf\" for what the URDF suggests",
+            System::built_in().join(", ")
+        ));
     };
     let mut all = match merged(other)? {
         Some(all) => all,
@@ -96,11 +103,16 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
 /// also removes the clearance of starts.
 fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     match [own.contains_key("data_scene"), own.contains_key("random_plane")] {
-        [true, true] => return Err("random_plane and data_scene are two grounds for the training data; leave one of the two out".into()),
+        [true, true] => {
+            return Err(
+                "random_plane and data_scene are two grounds for the training data; leave one of the two out".into()
+            );
+        }
         [true, false] => _ = all.remove("random_plane"),
         [false, true] if all.remove("data_scene").is_some() => {
             let starts = all.get_mut("root").and_then(toml::Value::as_table_mut);
-            let starts = starts.into_iter().flat_map(|root| root.iter_mut()).filter_map(|(_, start)| start.as_table_mut());
+            let starts =
+                starts.into_iter().flat_map(|root| root.iter_mut()).filter_map(|(_, start)| start.as_table_mut());
             starts.for_each(|start| _ = start.remove("clearance"));
         }
         _ => {}

@@ -61,9 +61,10 @@ impl Source {
     pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
         match (self, rooted) {
-            (Self::Cable, _) => {
-                [format!("of [cable] position and direction, and of its joints' {which} boxes,"), "change position or direction".into()]
-            }
+            (Self::Cable, _) => [
+                format!("of [cable] position and direction, and of its joints' {which} boxes,"),
+                "change position or direction".into(),
+            ],
             (_, true) => [format!("of [root.{which}]"), raise.into()],
             (_, false) => [format!("of the joints' `{which}`"), "narrow them, or move the scene".into()],
         }
@@ -218,7 +219,11 @@ impl System {
     /// Torque limit (N m or N) of the position law at a joint: infinite without `clamp`.
     pub fn torque_limit(&self, joint: usize) -> f64 {
         let clamped = self.spec.control.is_some_and(|law| law.clamp);
-        self.spec.joints.get(joint).filter(|_| clamped).map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
+        self.spec
+            .joints
+            .get(joint)
+            .filter(|_| clamped)
+            .map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
     }
 
     /// Amplitude of random torques by joint (N m or N).
@@ -232,7 +237,9 @@ impl System {
         if !self.surfaces.is_empty() {
             return self;
         }
-        for (joint, spec) in self.robot.joints_mut().zip(&mut self.spec.joints).filter(|(joint, _)| joint.armature == 0.0) {
+        for (joint, spec) in
+            self.robot.joints_mut().zip(&mut self.spec.joints).filter(|(joint, _)| joint.armature == 0.0)
+        {
             spec.armature = rotor(joint, spec.gain);
             joint.armature = spec.armature;
         }
@@ -259,7 +266,14 @@ impl System {
     pub fn with_terrain(mut self, terrain: TerrainSpec) -> Result<Self, SystemError> {
         let plane = PlaneSpec { height: 0.0, angles: [0.0; 3] };
         self.spec.scenes.retain(|scene| scene.name != TERRAIN);
-        let scene = SceneSpec { name: TERRAIN.into(), plane, terrain: Some(terrain), boxes: Vec::new(), pegs: Vec::new(), material: None };
+        let scene = SceneSpec {
+            name: TERRAIN.into(),
+            plane,
+            terrain: Some(terrain),
+            boxes: Vec::new(),
+            pegs: Vec::new(),
+            material: None,
+        };
         self.spec.scenes.push(scene);
         check(&self.spec, &self.robot).map_err(|e| SystemError::Spec(self.name.clone(), e))?;
         Ok(self)
@@ -280,7 +294,11 @@ impl System {
     pub fn scene_names(&self) -> Vec<&str> {
         let base = (!self.base.is_empty()).then_some("base");
         let own = !self.world.is_empty() && self.spec.scenes.iter().all(|scene| scene.name != GROUND);
-        std::iter::once("free").chain(base).chain(own.then_some(GROUND)).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
+        std::iter::once("free")
+            .chain(base)
+            .chain(own.then_some(GROUND))
+            .chain(self.spec.scenes.iter().map(|s| s.name.as_str()))
+            .collect()
     }
 
     /// Scenes for evaluation: the scene of the training data if set, else all of the robot's own.
@@ -293,13 +311,17 @@ impl System {
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
         let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
-            Some(spec) => Some(described(spec, &gravity, material).map_err(|e| SystemError::Spec(self.name.clone(), e))?),
+            Some(spec) => {
+                Some(described(spec, &gravity, material).map_err(|e| SystemError::Spec(self.name.clone(), e))?)
+            }
             None if name == "free" => return Ok(Arc::new(Scene::free(gravity))),
             None if name == GROUND && !self.world.is_empty() => {
                 let own = |collider: &Collider| Collider { material, ..collider.clone() };
                 Some(Scene { name: name.into(), gravity, colliders: self.world.iter().map(own).collect() })
             }
-            None if name == "base" && !self.base.is_empty() => Some(Scene { name: name.into(), ..Scene::free(gravity) }),
+            None if name == "base" && !self.base.is_empty() => {
+                Some(Scene { name: name.into(), ..Scene::free(gravity) })
+            }
             None => world(name, &gravity, material).filter(|_| touches),
         };
         let Some(mut scene) = scene else {

@@ -34,7 +34,11 @@ impl Motors {
     /// Whether torques act as commanded and sensors read joint positions, apart from noise.
     pub fn ideal(&self) -> bool {
         let all = |x: &[f64], value: f64| x.iter().all(|x| *x == value);
-        self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0) && self.lines.is_empty()
+        self.delay == 0.0
+            && all(&self.strength, 1.0)
+            && all(&self.zeros, 0.0)
+            && all(&self.ripple, 0.0)
+            && self.lines.is_empty()
     }
 
     /// Torques of a frame. `asked`: commanded torques of this frame, the last frame and so on; `positions` and

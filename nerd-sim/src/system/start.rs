@@ -72,7 +72,8 @@ pub(crate) fn overlaps(system: &System) -> Option<String> {
     let deep = |(event, point): (&ContactEvent, &ContactPoint)| (point.radius - event.distance, point.link);
     let (depth, link) = events.iter().zip(&robot.contact_points).map(deep).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let name = &robot.links[link].name;
-    (depth > DEEP).then(|| format!("`{name}` is {:.1} mm inside of what stands in its file, and is pushed out", 1e3 * depth))
+    (depth > DEEP)
+        .then(|| format!("`{name}` is {:.1} mm inside of what stands in its file, and is pushed out", 1e3 * depth))
 }
 
 fn laws(root: &RootSpec, which: Start) -> &RootStart {
@@ -112,7 +113,11 @@ pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64
 }
 
 /// Writes a root's twist about the world's origin, from its position and its velocities (angular, linear) in body axes.
-pub(crate) fn write_twist(out: &mut [f64], (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>), (w, v): (&Vector3<f64>, &Vector3<f64>)) {
+pub(crate) fn write_twist(
+    out: &mut [f64],
+    (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>),
+    (w, v): (&Vector3<f64>, &Vector3<f64>),
+) {
     let w = pose * w;
     out[..3].copy_from_slice(w.as_slice());
     out[3..].copy_from_slice((pose * v + p.cross(&w)).as_slice());

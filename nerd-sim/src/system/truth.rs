@@ -68,7 +68,9 @@ impl Truth {
     /// Refuses a robot that the solver cannot step; `folds`: whether the robot has self-collision.
     pub fn check(self, robot: &Robot, folds: bool) -> Result<(), String> {
         if self != Self::Articulated && folds {
-            return Err("self_collision is what `articulated` alone can step; take it, or leave self_collision out".into());
+            return Err(
+                "self_collision is what `articulated` alone can step; take it, or leave self_collision out".into()
+            );
         }
         match robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
             Some(joint) => Err(format!(

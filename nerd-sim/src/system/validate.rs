@@ -118,10 +118,15 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
             let (low, high, name) = (limit.lower, limit.upper, &joint.name);
             let default_q = joint.default_q;
-            return Err(format!("[[joint]] name = {name:?}: default_q is {default_q}, its limits are {low} to {high}; angles are in rad"));
+            return Err(format!(
+                "[[joint]] name = {name:?}: default_q is {default_q}, its limits are {low} to {high}; angles are in rad"
+            ));
         }
         if joint.limit.is_some() && modelled.is_some_and(|j| j.limit.is_none()) {
-            return Err(format!("[[joint]] name = {:?}: limit, but the URDF has none to give stiffness to", joint.name));
+            return Err(format!(
+                "[[joint]] name = {:?}: limit, but the URDF has none to give stiffness to",
+                joint.name
+            ));
         }
     }
     match names().iter().find(|name| !seen.contains(**name)) {
@@ -197,10 +202,15 @@ fn scenes(spec: &Spec) -> Result<(), String> {
     for scene in &spec.scenes {
         let at = |key: &str| format!("[[scene]] name = {:?}: {key}", scene.name);
         if scene.name.trim().is_empty() || !seen.insert(&scene.name) {
-            return Err(at(&format!("a name of its own is needed (taken are free, {} and those of other scenes)", WORLDS.join(", "))));
+            return Err(at(&format!(
+                "a name of its own is needed (taken are free, {} and those of other scenes)",
+                WORLDS.join(", ")
+            )));
         }
         if !plain(&scene.name) {
-            return Err(at("files are called by it; letters, digits, `-`, `_` and `.` are allowed, a letter or digit first"));
+            return Err(at(
+                "files are called by it; letters, digits, `-`, `_` and `.` are allowed, a letter or digit first",
+            ));
         }
         within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
@@ -211,7 +221,10 @@ fn scenes(spec: &Spec) -> Result<(), String> {
             }
         }
         for b in &scene.boxes {
-            b.size.iter().enumerate().try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
+            b.size
+                .iter()
+                .enumerate()
+                .try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
             vector(&at("box.position"), &b.position, FAR, "m")?;
             within(at("box.yaw"), b.yaw, -WIDE..=WIDE, "rad")?;
         }
@@ -231,14 +244,16 @@ fn scenes(spec: &Spec) -> Result<(), String> {
 /// is detected.
 fn columns(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let mut seen = HashSet::new();
-    for (key, names, wanted) in
-        [("state_columns", &spec.state_columns, robot.state_dim()), ("torque_columns", &spec.torque_columns, robot.joint_count())]
-    {
+    for (key, names, wanted) in [
+        ("state_columns", &spec.state_columns, robot.state_dim()),
+        ("torque_columns", &spec.torque_columns, robot.joint_count()),
+    ] {
         if names.len() != wanted {
             return Err(format!("{key}: {} entries, the robot needs {wanted}", names.len()));
         }
         for name in names {
-            let wrong = |why: &str| Err(format!("{key}: {name:?} {why}; say `column` in [[joint]] or give other {key}"));
+            let wrong =
+                |why: &str| Err(format!("{key}: {name:?} {why}; say `column` in [[joint]] or give other {key}"));
             if name.is_empty() || name.trim() != name {
                 return wrong("is empty or has blanks at an end");
             }

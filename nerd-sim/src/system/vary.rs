@@ -96,8 +96,10 @@ impl VarySpec {
 
     /// The ranges as text.
     pub fn title(&self) -> String {
-        let ranges =
-            self.ranges().into_iter().filter_map(|(key, range, _, unit)| Some(format!("{key} {} {unit}", range?).trim_end().to_string()));
+        let ranges = self
+            .ranges()
+            .into_iter()
+            .filter_map(|(key, range, _, unit)| Some(format!("{key} {} {unit}", range?).trim_end().to_string()));
         ranges.chain(self.push_every.map(|every| format!("push_every {every} s"))).collect::<Vec<_>>().join(", ")
     }
 
@@ -124,8 +126,19 @@ impl VarySpec {
     }
 
     pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
-        let joints =
-            ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "top_speed", "ripple", "noise"];
+        let joints = [
+            "gain",
+            "joint_damping",
+            "armature",
+            "damping",
+            "dry_friction",
+            "strength",
+            "delay",
+            "zero",
+            "top_speed",
+            "ripple",
+            "noise",
+        ];
         let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);
         for key in self.ranges().iter().filter_map(asked) {
             if joints.contains(&key) && robot.joint_count() == 0 {

@@ -42,7 +42,8 @@ impl System {
         let (mut visuals, mut known) = (Vec::new(), BTreeMap::new());
         for body in &file.bodies {
             let Ok(frame) = self.robot.frame(&body.name) else { continue };
-            let place = if frame.link.is_none() { self.robot.pose(&self.robot.zero_state(), &frame) } else { frame.pose };
+            let place =
+                if frame.link.is_none() { self.robot.pose(&self.robot.zero_state(), &frame) } else { frame.pose };
             let place = place * body.frame.inverse();
             let own = [&body.visuals, &body.collisions].into_iter().map(|solids| {
                 let seen = |solid: &Solid| {
@@ -58,8 +59,17 @@ impl System {
     }
 
     fn touching(&self) -> impl Iterator<Item = Visual> {
-        let all = self.robot.links.iter().enumerate().flat_map(|(link, body)| body.shapes.iter().map(move |shape| (link, shape)));
-        all.map(|(link, Shape { pose, kind, .. })| Visual { link: Some(link), pose: *pose, geometry: Geometry::Shape(*kind) })
+        let all = self
+            .robot
+            .links
+            .iter()
+            .enumerate()
+            .flat_map(|(link, body)| body.shapes.iter().map(move |shape| (link, shape)));
+        all.map(|(link, Shape { pose, kind, .. })| Visual {
+            link: Some(link),
+            pose: *pose,
+            geometry: Geometry::Shape(*kind),
+        })
     }
 }
 

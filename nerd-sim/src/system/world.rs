@@ -26,7 +26,9 @@ impl World {
         let mut colliders = Vec::new();
         for own in &file.world {
             match own {
-                Static::Plane { plane, surface } => colliders.push(Collider { surface: *surface, ..Collider::plane(*plane, material) }),
+                Static::Plane { plane, surface } => {
+                    colliders.push(Collider { surface: *surface, ..Collider::plane(*plane, material) })
+                }
                 Static::Field { field, pose, surface } => {
                     colliders.push(Collider { surface: *surface, ..Collider::terrain(field.clone(), *pose, material) });
                 }
@@ -34,7 +36,9 @@ impl World {
                     let hull = |vertices: &[Vector3<f64>]| {
                         let places: Vec<_> = corners(vertices).iter().map(to_parry).collect();
                         let shape = std::panic::catch_unwind(|| SharedShape::convex_hull(&places)).ok().flatten();
-                        shape.map(|shape| Collider::new(shape, solid.pose, material)).ok_or_else(|| "it has no convex hull".to_string())
+                        shape
+                            .map(|shape| Collider::new(shape, solid.pose, material))
+                            .ok_or_else(|| "it has no convex hull".to_string())
                     };
                     let made = match &solid.form {
                         Form::Shape(kind) => {
@@ -77,12 +81,14 @@ pub(super) fn soften(
     let [low, high] = heights.iter().fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(*x), high.max(*x)]);
     let bearing = heights.iter().filter(|x| **x <= low + LEVEL * (high - low)).count().max(1);
     let load = robot.mass() * gravity.norm() / bearing as f64;
-    let body = |surface: usize| robot.contact_points.iter().find(|p| p.surface == Some(surface)).map(|p| weights[p.link]);
+    let body =
+        |surface: usize| robot.contact_points.iter().find(|p| p.surface == Some(surface)).map(|p| weights[p.link]);
     let [elliptic, impratio, step] = [f64::from(surfaces.elliptic), surfaces.impratio, surfaces.step];
     surfaces.each(|a, b, law| {
         let inverse: f64 = [Some(a), b].into_iter().flatten().filter_map(body).sum();
         if inverse > 0.0 {
-            let [stiffness, damping] = at_load(&law.softness, inverse * pyramid(law, elliptic > 0.0, impratio), load, step);
+            let [stiffness, damping] =
+                at_load(&law.softness, inverse * pyramid(law, elliptic > 0.0, impratio), load, step);
             law.factors = [stiffness / material.stiffness, damping / material.damping];
             law.release = if stiffness > 0.0 { (damping / stiffness).min(1.0) } else { 0.0 };
         }
@@ -142,7 +148,10 @@ pub(crate) fn inverse_weights(robot: &Robot) -> Result<Vec<f64>, String> {
     let of = |link: usize| {
         let pose = Isometry3::from_parts(robot.links[link].inertia.com.into(), UnitQuaternion::identity());
         let frame = FixedFrame { name: String::new(), link: Some(link), pose };
-        let rows = data.jacobian(robot, &state[..robot.nq()], &frame, nerd_core::dynamics::Axes::World).fixed_rows::<3>(3).transpose();
+        let rows = data
+            .jacobian(robot, &state[..robot.nq()], &frame, nerd_core::dynamics::Axes::World)
+            .fixed_rows::<3>(3)
+            .transpose();
         let weight = rows.column_iter().map(|row| {
             let mut x: Vec<f64> = row.iter().copied().collect();
             factor.solve(&mut x);

@@ -46,13 +46,24 @@ fn apart(system: &System, a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The order, fitted to log(error) over log(substeps), must be in `order`, and the error of the finest below `bound`.
-fn converges<S: Solver>(system: &Arc<System>, substeps: [usize; 4], order: std::ops::Range<f64>, bound: f64, solver: impl Fn(usize) -> S) {
+fn converges<S: Solver>(
+    system: &Arc<System>,
+    substeps: [usize; 4],
+    order: std::ops::Range<f64>,
+    bound: f64,
+    solver: impl Fn(usize) -> S,
+) {
     let reference = solved(system, articulated(Integrator::Rk4, 64));
     let errors = substeps.map(|n| apart(system, &solved(system, solver(n)), &reference));
     let (x, y) = (substeps.map(|n| (n as f64).ln()), errors.map(f64::ln));
     let (mx, my) = (x.iter().sum::<f64>() / 4.0, y.iter().sum::<f64>() / 4.0);
-    let slope = -x.iter().zip(&y).map(|(a, b)| (a - mx) * (b - my)).sum::<f64>() / x.iter().map(|a| (a - mx).powi(2)).sum::<f64>();
-    assert!(order.contains(&slope), "{}: order {slope:.2}, textbook within {order:?}, by mean |dq| {errors:?}", system.name);
+    let slope = -x.iter().zip(&y).map(|(a, b)| (a - mx) * (b - my)).sum::<f64>()
+        / x.iter().map(|a| (a - mx).powi(2)).sum::<f64>();
+    assert!(
+        order.contains(&slope),
+        "{}: order {slope:.2}, textbook within {order:?}, by mean |dq| {errors:?}",
+        system.name
+    );
     assert!(errors[3] < bound, "{}: {:.2e} rad at {} substeps, bound {bound:.0e}", system.name, errors[3], substeps[3]);
 }
 
@@ -120,6 +131,10 @@ fn the_implicit_contact_step_converges_to_the_explicit_ones_motion() {
         let slope = (errors[0] / errors[2]).log(16.0);
         assert!(errors[3] < 4e-4, "{robot}: {:.1e} at 128 substeps", errors[3]);
         assert!((1.2..2.2).contains(&slope), "{robot}: order {slope:.2}");
-        assert!(errors[1] < explicit, "{robot}: implicit with 8 substeps {:.1e}, explicit with 32 {explicit:.1e}", errors[1]);
+        assert!(
+            errors[1] < explicit,
+            "{robot}: implicit with 8 substeps {:.1e}, explicit with 32 {explicit:.1e}",
+            errors[1]
+        );
     }
 }

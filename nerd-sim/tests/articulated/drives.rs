@@ -8,7 +8,8 @@ const INERTIA: f64 = 0.25;
 /// A rod of 1 kg on a vertical hinge, so that gravity does no work.
 fn rod(drives: &[Drive]) -> Batch {
     let hinge = r#"<axis xyz="0 0 1"/><limit effort="5" velocity="3" lower="0" upper="0"/>"#;
-    let parts = [base(), link("rod", 1.0, [0.0; 3], [INERTIA; 3], ""), joint("hinge", "continuous", ["base", "rod"], hinge)];
+    let parts =
+        [base(), link("rod", 1.0, [0.0; 3], [INERTIA; 3], ""), joint("hinge", "continuous", ["base", "rod"], hinge)];
     let system = Arc::new(System::bare("rod", &urdf(&parts), false).expect("a robot"));
     Batch { drives: drives.to_vec(), ..batch(&system, "free", 1) }
 }
@@ -40,7 +41,10 @@ fn any_gain_is_stable_and_comes_to_its_target() {
         let (most, end) = (motion.iter().map(|s| s[0].abs()).fold(0.0, f64::max), motion[299][0]);
         assert!(most < 0.7, "kp {kp}, kd {kd}: {most} rad on the way to 0.3");
         let expected = if kp > 0.0 { 0.3 } else { 0.0 };
-        assert!(kd == 0.0 || (end - expected).abs() < 1e-3, "kp {kp}, kd {kd}: at {end} rad after five seconds, not {expected}");
+        assert!(
+            kd == 0.0 || (end - expected).abs() < 1e-3,
+            "kp {kp}, kd {kd}: at {end} rad after five seconds, not {expected}"
+        );
     }
 }
 
@@ -49,7 +53,11 @@ fn any_gain_is_stable_and_comes_to_its_target() {
 fn effort_and_velocity_are_bounds() {
     let motion = driven(Drive { kp: 1e5, kd: 0.0, target: 1e3, effort: 0.5, ..Drive::default() }, 4, 180);
     let half = 0.5 * 0.5 / INERTIA * 0.25;
-    assert!((motion[29][0] - half).abs() < 1e-9, "{} rad after half a second at full effort, not {half}", motion[29][0]);
+    assert!(
+        (motion[29][0] - half).abs() < 1e-9,
+        "{} rad after half a second at full effort, not {half}",
+        motion[29][0]
+    );
     let fastest = motion.iter().map(|s| s[1]).fold(0.0, f64::max);
     let frame = 0.5 / INERTIA / 60.0;
     assert!((3.0..3.0 + frame).contains(&fastest), "{fastest} rad/s, where the joint's largest velocity is 3");

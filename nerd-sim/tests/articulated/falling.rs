@@ -32,8 +32,11 @@ fn finger(name: &str, [x, y]: [f64; 2], mimics: bool) -> String {
     let ball = collision([0.04, 0.0, 0.0], r#"<sphere radius="0.006"/>"#);
     let mut parts = String::new();
     for k in 0..3 {
-        let (above, place) =
-            if k == 0 { ("body".into(), format!("{x} {y} -0.1")) } else { (format!("{name}{}", k - 1), "0.04 0 0".into()) };
+        let (above, place) = if k == 0 {
+            ("body".into(), format!("{x} {y} -0.1"))
+        } else {
+            (format!("{name}{}", k - 1), "0.04 0 0".into())
+        };
         let follow = if mimics && k > 0 { format!(r#"<mimic joint="{name}0j"/>"#) } else { String::new() };
         let own = format!("{name}{k}");
         parts += &link(&own, 0.005, [0.02, 0.0, 0.0], [1e-5; 3], &ball);
@@ -58,7 +61,13 @@ fn arm(limits: bool) -> String {
         let (above, place) = if k == 0 { ("base".into(), "0 0 1.2") } else { (format!("l{}", k - 1), "0.25 0 0") };
         let own = format!("l{k}");
         let inertia = mass * 0.25f64.powi(2) / 12.0;
-        parts.push(link(&own, mass, [0.125, 0.0, 0.0], [inertia; 3], &collision([0.25, 0.0, 0.0], r#"<sphere radius="0.02"/>"#)));
+        parts.push(link(
+            &own,
+            mass,
+            [0.125, 0.0, 0.0],
+            [inertia; 3],
+            &collision([0.25, 0.0, 0.0], r#"<sphere radius="0.02"/>"#),
+        ));
         let limit = if limits { r#"<limit lower="-0.6" upper="0.6" effort="500" velocity="10"/>"# } else { "" };
         let kind = if limits { "revolute" } else { "continuous" };
         // Damping brings the heavy links to rest.

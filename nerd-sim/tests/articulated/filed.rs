@@ -38,7 +38,10 @@ impl ZeroStart for System {
 
 fn slides(floor: &str, side: &str, rest: &str, expected: f64) {
     let [x, z] = moved(&on_floor(floor, side, rest), 1.0);
-    assert!((x - expected).abs() < 0.01 && (z - 0.1).abs() < 2e-3, "{floor} {side} {rest}: slides {x} m, not {expected}, at {z} m");
+    assert!(
+        (x - expected).abs() < 0.01 && (z - 0.1).abs() < 2e-3,
+        "{floor} {side} {rest}: slides {x} m, not {expected}, at {z} m"
+    );
 }
 
 fn falls(floor: &str, side: &str, rest: &str) {
@@ -105,7 +108,8 @@ fn each_contact_point_has_the_friction_of_its_own_geom() {
                {upper}</body></worldbody></mujoco>"#
         )
     };
-    let upper: String = (0..5).map(|k| format!(r#"<geom type="box" size=".05 .05 .01" pos="0 0 .0{k}" friction="1"/>"#)).collect();
+    let upper: String =
+        (0..5).map(|k| format!(r#"<geom type="box" size=".05 .05 .01" pos="0 0 .0{k}" friction="1"/>"#)).collect();
     let system = Arc::new(System::from_text("plates", &text(&upper), None).expect("a robot"));
     let [x, _] = moved(&system, 1.0);
     assert!((x - SLOW).abs() < 0.01, "slides {x} m, not {SLOW}");
@@ -127,7 +131,9 @@ fn margins_add_and_lift() {
 #[test]
 fn what_starts_inside_of_the_ground_is_not_thrown() {
     let system = on_floor("", "", "");
-    for (deep, most, substeps) in [(0.05, 0.14), (0.09, 0.25)].into_iter().flat_map(|(deep, most)| [1, 4, 8].map(|n| (deep, most, n))) {
+    for (deep, most, substeps) in
+        [(0.05, 0.14), (0.09, 0.25)].into_iter().flat_map(|(deep, most)| [1, 4, 8].map(|n| (deep, most, n)))
+    {
         let mut start = system.zero_start();
         start[2] -= deep;
         let mut batch = at(&system, "ground", &start);
@@ -175,7 +181,10 @@ fn a_crate_rests_as_deep_as_the_files_softness_says() {
         1e3 * (0.1 - end(&mut implicit(4), at(&system, "ground", &system.zero_start()), 0.0, 240)[2])
     };
     let [stiff, soft] = [deep(""), deep(r#"solref=".082 1" priority="1""#)];
-    assert!((stiff + 0.01 - 0.10776).abs() < 1e-4 && (soft + 0.01 - 0.86026).abs() < 1e-3, "{stiff} and {soft} mm deep");
+    assert!(
+        (stiff + 0.01 - 0.10776).abs() < 1e-4 && (soft + 0.01 - 0.86026).abs() < 1e-3,
+        "{stiff} and {soft} mm deep"
+    );
 }
 
 /// Static geoms of the file's world are in its scene, and a TOML's scene beside it does not replace it.

@@ -19,7 +19,12 @@ fn rod(name: &str, mass: f64, length: f64, radius: f64) -> String {
 
 fn hinge(name: &str, links: [&str; 2], at: [f64; 3], axis: &str) -> String {
     let [x, y, z] = at;
-    joint(name, "continuous", links, &format!(r#"<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/><dynamics damping="0.02"/>"#))
+    joint(
+        name,
+        "continuous",
+        links,
+        &format!(r#"<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/><dynamics damping="0.02"/>"#),
+    )
 }
 
 /// A horizontal upper arm carries a short post, and a forearm hinged to the post falls back onto the upper arm. The tip
@@ -71,7 +76,9 @@ fn clapper(more: &str) -> Arc<System> {
 fn apart(batch: &Batch, links: [(&str, f64); 2]) -> f64 {
     let places = links.map(|(name, length)| {
         let pose = batch.pose(0, name).expect("a link");
-        (0..=60).map(|k| (pose * nalgebra::Point3::new(0.0, 0.0, length * f64::from(k) / 60.0)).coords).collect::<Vec<_>>()
+        (0..=60)
+            .map(|k| (pose * nalgebra::Point3::new(0.0, 0.0, length * f64::from(k) / 60.0)).coords)
+            .collect::<Vec<_>>()
     });
     places[0].iter().flat_map(|a| places[1].iter().map(move |b| (a - b).norm())).fold(f64::INFINITY, f64::min)
 }
@@ -79,8 +86,9 @@ fn apart(batch: &Batch, links: [(&str, f64); 2]) -> f64 {
 #[test]
 fn a_free_body_that_claps_makes_no_energy() {
     for (damping, friction) in [(0.0, 0.0), (100.0, 0.0), (100.0, 0.6)] {
-        let material =
-            format!("material = {{ stiffness = 1e5, damping = {damping:?}, friction_damping = 1e4, friction = {friction:?} }}\n");
+        let material = format!(
+            "material = {{ stiffness = 1e5, damping = {damping:?}, friction_damping = 1e4, friction = {friction:?} }}\n"
+        );
         let system = clapper(&format!("gravity = [0.0, 0.0, 0.0]\n{material}"));
         let mut start = system.default_state();
         let joints = system.robot.nq() + system.robot.root_dofs();
@@ -116,13 +124,22 @@ fn a_free_body_that_claps_makes_no_energy() {
 /// Two balls on rails of a free trunk: the mass matrix is constant, so momentum changes by rounding alone.
 #[test]
 fn sliders_that_meet_keep_momentum() {
-    let ball = |name: &str, mass: f64| link(name, mass, [0.0; 3], [1e-4; 3], &collision([0.0; 3], r#"<sphere radius="0.03"/>"#));
+    let ball = |name: &str, mass: f64| {
+        link(name, mass, [0.0; 3], [1e-4; 3], &collision([0.0; 3], r#"<sphere radius="0.03"/>"#))
+    };
     let rail = |name: &str, child: &str, x: f64| {
-        let axis = format!(r#"<origin xyz="{x} 0.1 0"/><axis xyz="1 0 0"/><limit lower="-5" upper="5" effort="0" velocity="100"/>"#);
+        let axis = format!(
+            r#"<origin xyz="{x} 0.1 0"/><axis xyz="1 0 0"/><limit lower="-5" upper="5" effort="0" velocity="100"/>"#
+        );
         joint(name, "prismatic", ["trunk", child], &axis)
     };
-    let parts =
-        [link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""), ball("one", 0.4), ball("two", 0.1), rail("a", "one", -0.2), rail("b", "two", 0.2)];
+    let parts = [
+        link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""),
+        ball("one", 0.4),
+        ball("two", 0.1),
+        rail("a", "one", -0.2),
+        rail("b", "two", 0.2),
+    ];
     let system = folding("rails", &parts, "floating = true\ngravity = [0.0, 0.0, 0.0]\n");
     let mut start = system.default_state();
     let nq = system.robot.nq();
@@ -131,16 +148,19 @@ fn sliders_that_meet_keep_momentum() {
     start[nq + 3] = -(0.4 * 3.0 - 0.1 * 2.0) / 1.5;
     let mut data = Data::new(&system.robot);
     let first = totals(&system.robot, &start, &mut data);
-    let states = motion(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "free", &start), 0.0, 30);
+    let states =
+        motion(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "free", &start), 0.0, 30);
     let last = totals(&system.robot, &states[29], &mut data);
-    let (off, speed) = ((last.momentum.vector() - first.momentum.vector()).amax(), states[29][nq + 7] - states[29][nq + 6]);
+    let (off, speed) =
+        ((last.momentum.vector() - first.momentum.vector()).amax(), states[29][nq + 7] - states[29][nq + 6]);
     assert!(off < 1e-10 && speed >= -1e-9 && last.kinetic <= first.kinetic, "{off:e}, {speed}, {} J", last.kinetic);
 }
 
 /// A link and its parent, and pairs that touch in the default pose, are excluded, with a note.
 #[test]
 fn what_touches_by_design_is_left_out() {
-    let note = |system: &System| system.notes.iter().find(|n| n.starts_with("self_collision")).cloned().expect("a line");
+    let note =
+        |system: &System| system.notes.iter().find(|n| n.starts_with("self_collision")).cloned().expect("a line");
     let apart = note(&clapper(""));
     assert!(apart.starts_with("self_collision of 1 pairs of links, as 3 capsules") && !apart.contains(';'), "{apart}");
     let parts = [
@@ -151,9 +171,13 @@ fn what_touches_by_design_is_left_out() {
         hinge("r", ["trunk", "right"], [0.03, 0.0, 0.0], "0 1 0"),
     ];
     let closed = note(&folding("closed", &parts, "floating = true\n"));
-    assert!(closed.starts_with("self_collision: it has no two links") && closed.ends_with("default pose: left - right"), "{closed}");
+    assert!(
+        closed.starts_with("self_collision: it has no two links") && closed.ends_with("default pose: left - right"),
+        "{closed}"
+    );
     // With all pairs excluded, the robot equals the one without self-collision.
-    let plain = System::from_text("closed", &urdf(&parts), Some("like = \"urdf\"\nfloating = true\ncontact = []\n")).expect("a robot");
+    let plain = System::from_text("closed", &urdf(&parts), Some("like = \"urdf\"\nfloating = true\ncontact = []\n"))
+        .expect("a robot");
     assert_eq!(plain.robot_sha256(), folding("closed", &parts, "floating = true\n").robot_sha256());
 }
 
@@ -170,7 +194,8 @@ fn what_a_file_pairs_meets_and_nothing_else() {
             <geom name="tip" type="sphere" pos=".3 0 0" size=".03" mass=".1" contype="0" conaffinity="0"/></body></body></worldbody>
             <contact><pair geom1="trunk" geom2="{paired}" margin=".01"/></contact></mujoco>"#
         );
-        let system = System::from_text("arm", &text, Some("like = \"mjcf\"\nself_collision = true\n")).expect("a robot");
+        let system =
+            System::from_text("arm", &text, Some("like = \"mjcf\"\nself_collision = true\n")).expect("a robot");
         let system = Arc::new(system);
         let mut batch = batch(&system, "free", 1);
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));

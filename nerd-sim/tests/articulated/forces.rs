@@ -76,5 +76,8 @@ fn a_batch_knows_names() {
     let went = (batch.pose(1, link).expect("a link").translation.vector - before.translation.vector) / 1e-6;
     assert!((went - v.lin).amax() < 1e-4, "{went} and {}", v.lin);
     assert!(batch.pose(0, "nobody").is_err());
-    assert!(super::common::batch(&built_in("cartpole"), "free", 1).set_root(0, &pose, moves).is_err(), "a root that is bolted down");
+    assert!(
+        super::common::batch(&built_in("cartpole"), "free", 1).set_root(0, &pose, moves).is_err(),
+        "a root that is bolted down"
+    );
 }

@@ -8,7 +8,9 @@ use super::common::*;
 fn slide(axis: &str, friction: f64, hinge: f64) -> Arc<System> {
     let body = |name: &str, mass: f64| link(name, mass, [0.0, 0.0, -0.5], [0.1; 3], "");
     let dry = |axis: &str, friction: f64| {
-        format!(r#"<axis xyz="{axis}"/><limit lower="-9" upper="9" effort="1" velocity="1"/><dynamics damping="0" friction="{friction}"/>"#)
+        format!(
+            r#"<axis xyz="{axis}"/><limit lower="-9" upper="9" effort="1" velocity="1"/><dynamics damping="0" friction="{friction}"/>"#
+        )
     };
     let parts = [
         base(),
@@ -28,7 +30,11 @@ fn after(system: &Arc<System>, config: ArticulatedConfig, v: f64, frames: usize)
 /// Settings, each with its relative tolerance; errors are of first order in the substep.
 fn settings(system: &System) -> [(ArticulatedConfig, f64); 3] {
     let law = Friction::Coulomb;
-    [(ArticulatedConfig::converged(law), 2e-3), (ArticulatedConfig::paper(system, law), 0.02), (ArticulatedConfig::implicit(4, law), 0.05)]
+    [
+        (ArticulatedConfig::converged(law), 2e-3),
+        (ArticulatedConfig::paper(system, law), 0.02),
+        (ArticulatedConfig::implicit(4, law), 0.05),
+    ]
 }
 
 #[test]
@@ -38,7 +44,11 @@ fn a_slide_slows_down_evenly_and_stops() {
     for (config, allowed) in settings(&system) {
         let half = after(&system, config, 1.0, 15);
         let end = after(&system, config, 1.0, 60);
-        assert!((half[2] / (1.0 - 0.25 * 4.0 / 2.001) - 1.0).abs() < allowed, "{config:?}: {} m/s after 1/4 s", half[2]);
+        assert!(
+            (half[2] / (1.0 - 0.25 * 4.0 / 2.001) - 1.0).abs() < allowed,
+            "{config:?}: {} m/s after 1/4 s",
+            half[2]
+        );
         assert!((end[0] / (2.001 / 8.0) - 1.0).abs() < allowed, "{config:?}: stops at {} m", end[0]);
         assert!(end[2].abs() < 1e-9, "{config:?}: {} m/s at rest", end[2]);
         assert!(end[1].abs() < 1e-3, "{config:?}: the hinge turned by {} rad", end[1]);

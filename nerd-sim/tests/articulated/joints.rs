@@ -28,7 +28,9 @@ fn after(system: &Arc<System>, scene: &str, config: ArticulatedConfig, state: &[
 fn a_damper_of_any_stiffness_dies_away() {
     for damping in [1e-3, 0.05, 0.3, 1.0, 10.0, 1e4] {
         let system = arm(&[1e-3], "continuous", &format!(r#"<dynamics damping="{damping}" friction="0"/>"#), "");
-        for ((name, config), scene) in presets(&system).into_iter().flat_map(|preset| ["free", "ground"].map(|scene| (preset, scene))) {
+        for ((name, config), scene) in
+            presets(&system).into_iter().flat_map(|preset| ["free", "ground"].map(|scene| (preset, scene)))
+        {
             let mut before = 1.0;
             for (k, state) in after(&system, scene, config, &[0.0, 1.0], 30).iter().enumerate() {
                 let (v, exact) = (state[1], (-damping / 1e-3 * (k + 1) as f64 / 60.0).exp());
@@ -39,7 +41,10 @@ fn a_damper_of_any_stiffness_dies_away() {
                 assert!((v - exact).abs() < allowed, "{place}");
                 before = v;
             }
-            assert!(damping < 0.3 || before < 1e-6, "{name}, {scene}, d = {damping}: {before:e} rad/s are left after 0.5 s");
+            assert!(
+                damping < 0.3 || before < 1e-6,
+                "{name}, {scene}, d = {damping}: {before:e} rad/s are left after 0.5 s"
+            );
         }
     }
 }
@@ -57,7 +62,10 @@ fn coupled_dampers_take_energy_only() {
             let (first, mut before) = (energy(&start), f64::INFINITY);
             for (k, state) in after(&system, "free", config, &start, 60).iter().enumerate() {
                 let e = energy(state);
-                assert!(e <= before.min(1.05 * first) * 1.001, "{name}, d = {damping}, frame {k}: {e:e} J, before {before:e} of {first:e}");
+                assert!(
+                    e <= before.min(1.05 * first) * 1.001,
+                    "{name}, d = {damping}, frame {k}: {e:e} J, before {before:e} of {first:e}"
+                );
                 before = e;
             }
         }
@@ -70,8 +78,11 @@ fn coupled_dampers_take_energy_only() {
 fn a_limit_of_any_stiffness_holds() {
     let limit = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#;
     for (stiffness, damping) in [(1e3, 1.0), (1e5, 0.0), (1e7, 100.0), (1e9, 0.0)] {
-        let system = arm(&[1e-3], "revolute", limit, &format!("limit = {{ stiffness = {stiffness:?}, damping = {damping:?} }}"));
-        for ((name, config), scene) in presets(&system).into_iter().flat_map(|preset| ["free", "ground"].map(|scene| (preset, scene))) {
+        let system =
+            arm(&[1e-3], "revolute", limit, &format!("limit = {{ stiffness = {stiffness:?}, damping = {damping:?} }}"));
+        for ((name, config), scene) in
+            presets(&system).into_iter().flat_map(|preset| ["free", "ground"].map(|scene| (preset, scene)))
+        {
             let states = after(&system, scene, config, &[0.0, 3.0], 60);
             let deepest = states.iter().map(|s| s[0].abs() - 1.0).fold(f64::MIN, f64::max);
             let fastest = states.iter().map(|s| s[1].abs()).fold(0.0, f64::max);

@@ -5,7 +5,11 @@ use super::common::*;
 /// A gripper finger on a vertical slide: range 0 to 0.08 m, effort limit 20 N.
 fn grip(mass: f64) -> String {
     let slide = r#"<axis xyz="0 0 -1"/><limit lower="0" upper="0.08" effort="20" velocity="1"/>"#;
-    urdf(&[base(), link("finger", mass, [0.0; 3], [1e-4; 3], ""), joint("grip", "prismatic", ["base", "finger"], slide)])
+    urdf(&[
+        base(),
+        link("finger", mass, [0.0; 3], [1e-4; 3], ""),
+        joint("grip", "prismatic", ["base", "finger"], slide),
+    ])
 }
 
 /// An arm of links of 0.3 m on hinges about z, x and y in turn, limited to -1.6 to 1.5 rad.
@@ -13,7 +17,9 @@ fn arm(links: usize) -> String {
     let mut parts = vec![link("l0", 3.0, [0.0; 3], [0.02; 3], "")];
     for n in 1..=links {
         let (axis, x) = (["0 1 0", "0 0 1", "1 0 0"][n % 3], if n == 1 { 0.0 } else { 0.3 });
-        let hinge = format!(r#"<origin xyz="{x} 0 0"/><axis xyz="{axis}"/><limit lower="-1.6" upper="1.5" effort="5" velocity="5"/>"#);
+        let hinge = format!(
+            r#"<origin xyz="{x} 0 0"/><axis xyz="{axis}"/><limit lower="-1.6" upper="1.5" effort="5" velocity="5"/>"#
+        );
         let [above, own] = [n - 1, n].map(|k| format!("l{k}"));
         parts.push(link(&own, 1.0 / n as f64, [0.15, 0.0, 0.02], [1e-3, 9e-3, 9e-3], ""));
         parts.push(joint(&format!("j{n}"), "revolute", [&above, &own], &hinge));
@@ -41,7 +47,9 @@ fn a_grip_stays_within_its_range() {
         let system = Arc::new(System::bare("grip", &grip(mass), false).expect("valid"));
         for (name, config) in presets(&system) {
             // Dropped through its range, or pushed out or in at its ends by the full effort.
-            for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
+            for (what, start, tau) in
+                [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)]
+            {
                 let [_, found] = excess(&system, config, &start, tau);
                 assert!(found < 0.05, "{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
                 assert!(tau == 0.0 || found > 1e-3, "{name}, {mass} kg, {what}: {found}, a limit is a spring");
@@ -81,13 +89,19 @@ fn what_is_said_counts() {
     // 0.2 kg at 1/960 s: `k = 0.2 (0.2 * 960)^2` N/m and `d = 0.4 * 0.2 * 960` N s/m. k holds 20 N at 3.4 % of the
     // range.
     let (stiffness, damping) = limit("");
-    assert!((stiffness / 7372.8 - 1.0).abs() < 1e-9 && (damping / 76.8 - 1.0).abs() < 1e-9, "{stiffness} N/m, {damping} N s/m");
+    assert!(
+        (stiffness / 7372.8 - 1.0).abs() < 1e-9 && (damping / 76.8 - 1.0).abs() < 1e-9,
+        "{stiffness} N/m, {damping} N s/m"
+    );
     assert_eq!(limit("limit = { stiffness = 0.0, damping = 0.0 }"), (0.0, 0.0));
     assert_eq!(limit("limit = { stiffness = 5.0, damping = 1.0 }"), (5.0, 1.0));
     for name in System::built_in() {
         let system = built_in(name);
         let mut pairs = system.robot.joints().zip(system.joint_specs());
-        assert!(pairs.all(|(joint, said)| joint.limit.is_some() == said.limit.is_some()), "{name}: a limit of which nothing is said");
+        assert!(
+            pairs.all(|(joint, said)| joint.limit.is_some() == said.limit.is_some()),
+            "{name}: a limit of which nothing is said"
+        );
     }
 }
 

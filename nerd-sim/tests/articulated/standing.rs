@@ -56,7 +56,10 @@ fn a_standing_quadruped_holds_its_height() {
         // The first second is the landing.
         let (low, high) = path[60..].iter().fold((f64::MAX, f64::MIN), |(a, b), [p, _]| (a.min(p.z), b.max(p.z)));
         let aside = path.iter().map(|[p, _]| p.xy().norm()).fold(0.0, f64::max);
-        assert!(low > 0.6 && high - low < 5e-3 && aside < 0.05, "{name}: its base sinks from {high} to {low} m, {aside} m aside");
+        assert!(
+            low > 0.6 && high - low < 5e-3 && aside < 0.05,
+            "{name}: its base sinks from {high} to {low} m, {aside} m aside"
+        );
     }
 }
 
@@ -66,6 +69,9 @@ fn a_push_below_the_friction_does_not_move_it() {
     for substeps in [4, 32] {
         let path = stand(ArticulatedConfig::implicit(substeps, Friction::Coulomb), 0.3);
         let slid = (path[359][1] - path[119][1]).norm();
-        assert!(path[359][0].z > 0.6 && slid < 5e-3, "implicit x{substeps}: pushed aside a foot slides by {slid} m in 4 s, allowed 5 mm");
+        assert!(
+            path[359][0].z > 0.6 && slid < 5e-3,
+            "implicit x{substeps}: pushed aside a foot slides by {slid} m in 4 s, allowed 5 mm"
+        );
     }
 }

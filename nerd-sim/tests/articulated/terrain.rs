@@ -18,11 +18,16 @@ fn heights_and_normals_are_bilinear() {
     // The grid repeats: the first node follows the last, from 2 back to 0.
     assert_eq!(field.scaled(0.5).at(0.75, 0.0), (0.5, [-2.0, 1.5]));
     let terrain = Collider::terrain(field, Isometry3::identity(), Material::default());
-    let event = Scene { colliders: vec![terrain], ..Scene::free(Vector3::z()) }.contact(&Vector3::new(0.25, 0.125, 2.375));
+    let event =
+        Scene { colliders: vec![terrain], ..Scene::free(Vector3::z()) }.contact(&Vector3::new(0.25, 0.125, 2.375));
     let steep = (1.0f64 + 4.5 * 4.5 + 9.0).sqrt();
     assert!((event.distance - 1.0 / steep).abs() < 1e-12, "{} m away", event.distance);
     assert!((event.normal - Vector3::new(-4.5, -3.0, 1.0) / steep).norm() < 1e-12, "{:?}", event.normal);
-    for wrong in [Field::new(0.1, [2, 2], vec![0.0; 3]), Field::new(0.0, [1, 1], vec![0.0]), Field::new(0.1, [1, 1], vec![f64::NAN])] {
+    for wrong in [
+        Field::new(0.1, [2, 2], vec![0.0; 3]),
+        Field::new(0.0, [1, 1], vec![0.0]),
+        Field::new(0.1, [1, 1], vec![f64::NAN]),
+    ] {
         line(wrong);
     }
 }
@@ -51,8 +56,12 @@ fn flat_terrain_is_the_plane() {
 #[test]
 fn a_ball_rolls_down_a_slope() {
     let (radius, mass, rise) = (0.1, 1.0, 0.2f64);
-    let body =
-        Body { mass, inertia: [0.4 * mass * radius * radius; 3], shape: format!(r#"<sphere radius="{radius}"/>"#), ..Body::default() };
+    let body = Body {
+        mass,
+        inertia: [0.4 * mass * radius * radius; 3],
+        shape: format!(r#"<sphere radius="{radius}"/>"#),
+        ..Body::default()
+    };
     let slopes = TerrainSpec { kind: TerrainKind::Slopes, height: rise, cell: 0.1, length: Some(1.0), seed: None };
     let system = Arc::new((*body.system().expect("a ball")).clone().with_terrain(slopes).expect("in range"));
     let angle = rise.atan();
@@ -90,7 +99,12 @@ fn starts_stand_on_the_ground() {
         kinematics(robot, &drawn, &mut data);
         let low = robot.contact_points.iter().map(|point| foot(point, &data, &up)).fold(f64::INFINITY, f64::min);
         assert!((found - low).abs() < 1e-12, "start {k}: {found} m above the ground, {low} m were drawn");
-        assert!((speeds[0] - speeds[1]).norm() < 1e-12, "start {k}: its velocity was {:?}, is {:?}", speeds[0], speeds[1]);
+        assert!(
+            (speeds[0] - speeds[1]).norm() < 1e-12,
+            "start {k}: its velocity was {:?}, is {:?}",
+            speeds[0],
+            speeds[1]
+        );
         places.push([state[0], state[2]]);
     }
     for k in 0..2 {
@@ -123,7 +137,8 @@ fn cubes_rest_on_rubble() {
     for env in 0..16 {
         let state = batch.state(env);
         contacts(&system, &scene, state, &mut data, &mut events);
-        let gap = events.iter().zip(&robot.contact_points).map(|(e, p)| e.distance - p.radius).fold(f64::INFINITY, f64::min);
+        let gap =
+            events.iter().zip(&robot.contact_points).map(|(e, p)| e.distance - p.radius).fold(f64::INFINITY, f64::min);
         let (speed, spin) = (root_velocity(robot, state).norm(), vector(&state[robot.nq()..][..3]).norm());
         assert!(gap < 0.0 && gap > -2e-3, "cube {env}: {gap:e} m above the ground");
         assert!(speed < 0.02 && spin < 0.02, "cube {env}: {speed:e} m/s, {spin:e} rad/s");

@@ -36,7 +36,11 @@ fn floor() -> Collider {
 fn block(low: [f64; 3], high: [f64; 3]) -> Collider {
     let (low, high) = (Vector3::from(low), Vector3::from(high));
     let (half, centre) = ((high - low) * 0.5, (high + low) * 0.5);
-    Collider::new(SharedShape::cuboid(half.x, half.y, half.z), Isometry3::translation(centre.x, centre.y, centre.z), MATERIAL)
+    Collider::new(
+        SharedShape::cuboid(half.x, half.y, half.z),
+        Isometry3::translation(centre.x, centre.y, centre.z),
+        MATERIAL,
+    )
 }
 
 fn scene(gravity: [f64; 3], colliders: Vec<Collider>) -> Arc<Scene> {
@@ -84,7 +88,8 @@ fn a_ball_in_a_corner_feels_floor_and_riser() {
             let place = [-0.04, 0.0, 0.045];
             let mut way = |colliders: Vec<Collider>| {
                 let room = scene(WEIGHTLESS, colliders.into_iter().map(smooth).collect());
-                vector(&end(&mut solver, resting(&system, &room, place, UnitQuaternion::identity()), 0.0, 1)) - Vector3::from(place)
+                vector(&end(&mut solver, resting(&system, &room, place, UnitQuaternion::identity()), 0.0, 1))
+                    - Vector3::from(place)
             };
             let [both, one, two] = [vec![floor(), riser.clone()], vec![riser.clone()], vec![floor()]].map(&mut way);
             let apart = (both.x / one.x - 1.0).abs().max((both.z / two.z - 1.0).abs());
@@ -115,7 +120,11 @@ fn a_seam_between_tiles_is_no_bump() {
         let mut path = |colliders| motion(&mut solver, within(&system, &scene(DOWN, colliders), &rolling), 0.0, 60);
         let (seam, plane) = (path(tiles.clone()), path(vec![floor()]));
         let gap = seam.iter().zip(&plane).map(|(a, b)| (vector(a) - vector(b)).norm()).fold(0.0, f64::max);
-        assert!(plane[59][0] > 0.2 && gap < 1e-6, "{name}: {gap:.1e} m apart from rolling on a plane, which ends at {} m", plane[59][0]);
+        assert!(
+            plane[59][0] > 0.2 && gap < 1e-6,
+            "{name}: {gap:.1e} m apart from rolling on a plane, which ends at {} m",
+            plane[59][0]
+        );
     }
 }
 
@@ -157,7 +166,11 @@ fn a_cylinder_rests_on_its_end_and_on_its_side() {
             for (solver, mut one) in all_solvers(&system) {
                 let state = end(&mut one, resting(&system, &room, [0.0, 0.0, height + 0.002], turn), 0.0, 180);
                 let upright = (quaternion(&state[3..7]) * Vector3::z()).dot(&(turn * Vector3::z()));
-                assert!((-1e-3..1e-3).contains(&(state[2] - height)), "{name}, {solver}: rests at {} m, not {height}", state[2]);
+                assert!(
+                    (-1e-3..1e-3).contains(&(state[2] - height)),
+                    "{name}, {solver}: rests at {} m, not {height}",
+                    state[2]
+                );
                 assert!(upright > 0.999, "{name}, {solver}: its axis fell to {upright} of where it was");
             }
         }
@@ -227,5 +240,8 @@ fn among_many_colliders_the_nearest_is_found() {
         others += usize::from(event.collider < 22);
         rough += usize::from(event.collider == 22);
     }
-    assert!(others > 1000 && rough > 100, "{others} of 2000 places are nearest to bodies, {rough} to rubble, the others to the floor");
+    assert!(
+        others > 1000 && rough > 100,
+        "{others} of 2000 places are nearest to bodies, {rough} to rubble, the others to the floor"
+    );
 }

@@ -41,7 +41,11 @@ fn rolling_friction_stops_a_ball() {
     for substeps in [1, 4, 16] {
         let [_, half] = rolled(&ball(0.0, 0.02), substeps, 0.25);
         let [x, v] = rolled(&ball(0.0, 0.02), substeps, 2.0);
-        assert!((half - (1.0 - 0.25 * rate)).abs() < 0.01, "{substeps}: {half} m/s after 1/4 s, not {}", 1.0 - 0.25 * rate);
+        assert!(
+            (half - (1.0 - 0.25 * rate)).abs() < 0.01,
+            "{substeps}: {half} m/s after 1/4 s, not {}",
+            1.0 - 0.25 * rate
+        );
         assert!((x / way - 1.0).abs() < 0.02 && v.abs() < 1e-3, "{substeps}: stops at {x} m, not {way}, with {v} m/s");
     }
     let [x, v] = rolled(&ball(0.5, 0.0), 4, 1.0);
@@ -51,15 +55,18 @@ fn rolling_friction_stops_a_ball() {
 /// The same for a ball that carries a chain of light sprung links, which is solved along the kinematic tree.
 #[test]
 fn a_chain_on_a_ball_changes_nothing() {
-    let (mut parts, mut tables) =
-        (vec![link("body", 1.0, [0.0; 3], [0.004; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#))], String::new());
+    let (mut parts, mut tables) = (
+        vec![link("body", 1.0, [0.0; 3], [0.004; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#))],
+        String::new(),
+    );
     for k in 0..3 {
         let (above, own) = (if k == 0 { "body".into() } else { format!("l{}", k - 1) }, format!("l{k}"));
         parts.push(link(&own, 1e-6, [0.0; 3], [1e-8; 3], ""));
         parts.push(joint(&format!("j{k}"), "continuous", [&above, &own], r#"<axis xyz="0 0 1"/>"#));
         tables += &joint_table(&format!("j{k}"), "stiffness = 1e-3");
     }
-    let material = "material = { stiffness = 1e5, damping = 100.0, friction_damping = 1e3, friction = 0.5, rolling = 0.02 }\n";
+    let material =
+        "material = { stiffness = 1e5, damping = 100.0, friction_damping = 1e3, friction = 0.5, rolling = 0.02 }\n";
     let toml = keys(true, G) + material + GROUND + &tables;
     let system = Arc::new(System::from_text("ball", &urdf(&parts), Some(&toml)).expect("valid"));
     assert!(nerd_sim::articulated::along(&system.robot), "it is solved by its matrix");
@@ -91,7 +98,8 @@ fn rolling_friction_holds_a_ball_and_lets_it_go() {
     let system = ball(0.0, 0.02);
     for (substeps, share) in [1, 4].into_iter().flat_map(|n| [(n, 0.6), (n, 1.1), (n, 2.0)]) {
         let angle = (share * 0.2f64).atan();
-        let mut batch = at(&system, "ground", &Body::state([0.0, 0.0, 0.1 - G / 1e5], [0.0, 0.0, 0.0, 1.0], [0.0; 3], [0.0; 3]));
+        let mut batch =
+            at(&system, "ground", &Body::state([0.0, 0.0, 0.1 - G / 1e5], [0.0, 0.0, 0.0, 1.0], [0.0; 3], [0.0; 3]));
         let mut scene = (*batch.scenes[0]).clone();
         scene.gravity = nalgebra::Rotation3::from_axis_angle(&Vector3::y_axis(), -angle) * scene.gravity;
         batch.scenes[0] = Arc::new(scene);
@@ -126,10 +134,12 @@ fn torsional_friction_holds_a_ball_and_lets_it_go() {
             r#"<axis xyz="0 0 1"/><limit effort="10" velocity="1000"/><dynamics damping="0.001"/>"#,
         ),
     ];
-    let material =
-        format!("material = {{ stiffness = 1e5, damping = 100.0, friction_damping = 1e3, friction = 0.5, torsion = {torsion} }}\n");
+    let material = format!(
+        "material = {{ stiffness = 1e5, damping = 100.0, friction_damping = 1e3, friction = 0.5, torsion = {torsion} }}\n"
+    );
     let system = Arc::new(
-        System::from_text("ball", &urdf(&parts), Some(&(keys(true, G) + &material + GROUND + &joint_table("j", "")))).expect("valid"),
+        System::from_text("ball", &urdf(&parts), Some(&(keys(true, G) + &material + GROUND + &joint_table("j", ""))))
+            .expect("valid"),
     );
     for substeps in [1, 4] {
         let mut start = system.robot.zero_state();

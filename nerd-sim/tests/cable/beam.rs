@@ -80,7 +80,8 @@ const LINKS: usize = 60;
 /// A clamped cable that hangs, and the indices of its twisting joints.
 fn shaft(twisting: f64, damping: f64) -> (Arc<System>, Vec<usize>) {
     let hangs = "support = \"fixed\"\ndirection = [0.0, 0.0, -1.0]\nposition = [0.0, 0.0, 2.0]";
-    let system = cable(&format!("bending = 1e-3\ntwisting = {twisting}\ndamping = {damping}\nlinks = {LINKS}\n{hangs}"));
+    let system =
+        cable(&format!("bending = 1e-3\ntwisting = {twisting}\ndamping = {damping}\nlinks = {LINKS}\n{hangs}"));
     let joints = system.robot.joints().enumerate().filter(|(_, j)| j.name.starts_with("twist"));
     let joints = joints.map(|(k, _)| k).collect();
     (system, joints)
@@ -114,7 +115,8 @@ fn a_twisted_shaft_swings_back_in_the_time_of_theory() {
     let angle = |s: f64| 0.2 * (0.5 * PI * s).sin();
     let place = |k: usize| if k == 0 { 0.0 } else { (k as f64 - 0.5) / LINKS as f64 };
     joints.iter().enumerate().for_each(|(k, joint)| state[*joint] = angle(place(k + 1)) - angle(place(k)));
-    let motion = motion(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "free", &state), 0.0, 300);
+    let motion =
+        motion(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "free", &state), 0.0, 300);
     let (mut crossings, mut before) = (Vec::new(), 1.0);
     for (frame, now) in motion.iter().map(|state| twist(state, &joints)).enumerate() {
         if now * before < 0.0 {

@@ -7,7 +7,11 @@ use super::{accurate, common::*, nodes};
 /// A cable of the usual keys, with lines `before` the table `[cable]` and keys `within`, which replace usual ones.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
     let keys = [("length", "1.0"), ("diameter", "0.008"), ("mass", "0.08"), ("bending", "1e-3"), ("links", "8")];
-    let own: String = keys.iter().filter(|(key, _)| !within.contains(&format!("{key} ="))).map(|(k, v)| format!("{k} = {v}\n")).collect();
+    let own: String = keys
+        .iter()
+        .filter(|(key, _)| !within.contains(&format!("{key} =")))
+        .map(|(k, v)| format!("{k} = {v}\n"))
+        .collect();
     System::from_toml("lead", &format!("{before}\n[cable]\n{own}{within}")).map(Arc::new).map_err(|e| e.to_string())
 }
 
@@ -40,7 +44,8 @@ fn what_is_no_cable_is_refused_in_a_line() {
 #[test]
 fn a_cable_is_held_as_it_is_said() {
     for (held, joints, mass) in [("gripper", 6 + 3 * 8, 0.1 * 9.0 / 8.0), ("fixed", 3 * 8, 0.1), ("free", 3 * 7, 0.1)] {
-        let keys = format!("length = 0.8\ndiameter = 0.01\nmass = 0.1\ntwisting = 8e-4\ndamping = 1e-5\nsupport = \"{held}\"");
+        let keys =
+            format!("length = 0.8\ndiameter = 0.01\nmass = 0.1\ntwisting = 8e-4\ndamping = 1e-5\nsupport = \"{held}\"");
         let system = lead("", &keys).expect("a cable");
         let robot = &system.robot;
         assert_eq!((robot.joint_count(), robot.floating()), (joints, held == "free"), "{held}");
@@ -63,9 +68,16 @@ fn data(system: &Arc<System>) -> Result<f64, String> {
 #[test]
 fn a_cable_of_any_stiffness_moves() {
     let whip = "at = [0.0, 0.0, 0.5]\nlinks = 40";
-    let said = [whip, "diameter = 0.02\nmass = 0.3\nbending = 0.05\nlinks = 20", "length = 0.5\ndiameter = 0.006\nmass = 0.03\nlinks = 10"];
-    let stiff = [0.1, 1.0, 10.0].into_iter().flat_map(|bending| ["", "damping = 0.0", "damping = 1e-5"].map(|damping| (bending, damping)));
-    let stiff = stiff.map(|(bending, damping)| format!("diameter = 0.01\nmass = 0.1\nlinks = 10\nbending = {bending}\n{damping}"));
+    let said = [
+        whip,
+        "diameter = 0.02\nmass = 0.3\nbending = 0.05\nlinks = 20",
+        "length = 0.5\ndiameter = 0.006\nmass = 0.03\nlinks = 10",
+    ];
+    let stiff = [0.1, 1.0, 10.0]
+        .into_iter()
+        .flat_map(|bending| ["", "damping = 0.0", "damping = 1e-5"].map(|damping| (bending, damping)));
+    let stiff = stiff
+        .map(|(bending, damping)| format!("diameter = 0.01\nmass = 0.1\nlinks = 10\nbending = {bending}\n{damping}"));
     let all = said.map(String::from).into_iter().chain(stiff).chain(["twisting = 8e-4\nlinks = 40".into()]);
     for (keys, held) in all.flat_map(|keys| ["gripper", "fixed", "free"].map(|held| (keys.clone(), held))) {
         let most = lead("", &format!("{keys}\nsupport = \"{held}\"")).and_then(|system| data(&system));
@@ -90,7 +102,10 @@ fn a_free_cable_starts_above_the_ground_or_is_refused() {
         let config = GenerateConfig { transitions: 8, frames: 1, ..GenerateConfig::default() };
         let begun = begin(&system, &config, 0, 8).expect("it begins");
         let radius = system.robot.contact_points[0].radius;
-        let lowest = (0..8).flat_map(|env| nodes(&system, begun.state(env))).map(|node| node.z - radius).fold(f64::INFINITY, f64::min);
+        let lowest = (0..8)
+            .flat_map(|env| nodes(&system, begun.state(env)))
+            .map(|node| node.z - radius)
+            .fold(f64::INFINITY, f64::min);
         assert!(lowest >= 0.0, "from {height} m: {lowest} m");
         assert_eq!(system.default_state()[2], height.parse::<f64>().expect("a number"));
     }

@@ -52,7 +52,8 @@ pub fn identity(rows: usize) -> Vec<f64> {
 /// column that agrees best with its predecessor, and their relative difference. With a kink within reach of all sizes,
 /// none agree.
 pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f64) {
-    let mut of = |size: f64| side(size).iter().zip(side(-size)).map(|(a, b)| (a - b) / (2.0 * size)).collect::<Vec<f64>>();
+    let mut of =
+        |size: f64| side(size).iter().zip(side(-size)).map(|(a, b)| (a - b) / (2.0 * size)).collect::<Vec<f64>>();
     let (mut best, mut last) = ((Vec::new(), f64::INFINITY), [of(size), Vec::new()]);
     for finer in 1..8 {
         let plain = of(size * 0.25f64.powi(finer));
@@ -95,7 +96,9 @@ pub fn errors(
             }
             difference(robot, &gradients.next, &stepped(solver, batch, &from, &torques))
         });
-        let own = |row: usize| if k < rows { gradients.states[row * rows + k] } else { gradients.torques[row * joints + k - rows] };
+        let own = |row: usize| {
+            if k < rows { gradients.states[row * rows + k] } else { gradients.torques[row * joints + k - rows] }
+        };
         let own: Vec<f64> = (0..rows).map(own).collect();
         columns[usize::from(k >= rows)].push((apart(&own, &found), agrees, norm(found)));
     }

@@ -56,7 +56,12 @@ impl Compiler {
     pub fn run(&self, text: &str, input: Vec<u8>) -> Vec<u8> {
         let (source, made) = (self.folder.path().join("kernels.cpp"), self.folder.path().join("kernels"));
         std::fs::write(&source, text).expect("a file");
-        let done = Command::new(self.name).args(["-O1", "-w", "-std=c++17", "-o"]).arg(&made).arg(&source).output().expect("a compiler");
+        let done = Command::new(self.name)
+            .args(["-O1", "-w", "-std=c++17", "-o"])
+            .arg(&made)
+            .arg(&source)
+            .output()
+            .expect("a compiler");
         assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
         let mut child = Command::new(made).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().expect("it starts");
         let mut pipe = child.stdin.take().expect("a pipe");

@@ -12,8 +12,10 @@ type Array = (String, Vec<usize>, Vec<f64>);
 
 /// The columns of a CSV; an empty cell is NaN.
 fn columns(csv: &str) -> Vec<Array> {
-    let rows: Vec<Vec<f64>> = csv.lines().skip(1).map(|row| row.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect()).collect();
-    let column = |(k, name): (usize, &str)| (name.to_string(), vec![rows.len()], rows.iter().map(|row| row[k]).collect());
+    let rows: Vec<Vec<f64>> =
+        csv.lines().skip(1).map(|row| row.split(',').map(|x| x.parse().unwrap_or(f64::NAN)).collect()).collect();
+    let column =
+        |(k, name): (usize, &str)| (name.to_string(), vec![rows.len()], rows.iter().map(|row| row[k]).collect());
     csv.lines().next().unwrap_or_default().split(',').enumerate().map(column).collect()
 }
 
@@ -35,11 +37,16 @@ fn npz(arrays: &[Array], kind: &str, fortran: &str) -> Vec<u8> {
 }
 
 fn tensors(arrays: &[Array]) -> Vec<u8> {
-    let raw: Vec<_> =
-        arrays.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())).collect();
+    let raw: Vec<_> = arrays
+        .iter()
+        .map(|(name, shape, x)| (name, shape, x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()))
+        .collect();
     let view = |(name, shape, bytes)| (name, TensorView::new(Dtype::F64, Vec::clone(shape), bytes).expect("a view"));
-    safetensors::serialize(raw.iter().map(|(name, shape, bytes)| view((*name, *shape, bytes))), None::<HashMap<String, String>>)
-        .expect("a file")
+    safetensors::serialize(
+        raw.iter().map(|(name, shape, bytes)| view((*name, *shape, bytes))),
+        None::<HashMap<String, String>>,
+    )
+    .expect("a file")
 }
 
 /// Writes arrays to a file of this name and reads the log that names them.
@@ -52,14 +59,17 @@ fn read(folder: &Path, toml: &str, name: &str, bytes: &[u8]) -> Result<Log, nerd
 /// Tosses as arrays `[trajectory][row]` with their TOML: one array has all numbers of a pose, one all velocities.
 fn stacked(all: &[Toss]) -> (Vec<Array>, String) {
     let flat = columns(&text(all));
-    let some =
-        |range: std::ops::Range<usize>| (0..flat[0].2.len()).flat_map(|row| flat[range.clone()].iter().map(move |c| c.2[row])).collect();
+    let some = |range: std::ops::Range<usize>| {
+        (0..flat[0].2.len()).flat_map(|row| flat[range.clone()].iter().map(move |c| c.2[row])).collect()
+    };
     let [n, rows] = [all.len(), all[0].states.len()];
     let arrays = [("t", vec![n, rows], 1..2), ("pose", vec![n, rows, 7], 2..9), ("rates", vec![n, rows, 6], 9..15)];
     let toml = ["px", "py", "pz", "qw", "qx", "qy", "qz"]
         .iter()
         .enumerate()
-        .fold(header().replace("trajectory = \"toss\"\n", ""), |toml, (k, c)| toml.replace(&format!("\"{c}\""), &format!("\"pose.{k}\"")));
+        .fold(header().replace("trajectory = \"toss\"\n", ""), |toml, (k, c)| {
+            toml.replace(&format!("\"{c}\""), &format!("\"pose.{k}\""))
+        });
     let rates = ["vx", "vy", "vz", "wx", "wy", "wz"].iter().enumerate();
     let toml = rates.fold(toml, |toml, (k, c)| toml.replace(&format!("\"{c}\""), &format!("\"rates.{k}\"")));
     (arrays.into_iter().map(|(name, shape, range)| (name.to_string(), shape, some(range))).collect(), toml)
@@ -80,11 +90,15 @@ fn arrays_say_what_the_table_says() {
     same(read(folder.path(), &toml, "b.npz", &npz(&arrays, "<f8", "False")).expect("arrays"));
     same(read(folder.path(), &toml, "b.safetensors", &tensors(&arrays)).expect("arrays"));
     // Without times, rows are frames.
-    let frames = read(folder.path(), &toml.replace("time = \"t\"\n", ""), "b.npz", &npz(&arrays[1..], "<f8", "False")).expect("arrays");
+    let frames = read(folder.path(), &toml.replace("time = \"t\"\n", ""), "b.npz", &npz(&arrays[1..], "<f8", "False"))
+        .expect("arrays");
     assert_eq!(frames.trajectories, told.trajectories);
     let single = read(folder.path(), &toml, "c.npz", &npz(&arrays, "<f4", "False")).expect("arrays");
-    let pairs =
-        single.trajectories.iter().zip(&told.trajectories).flat_map(|(a, b)| a.states.iter().flatten().zip(b.states.iter().flatten()));
+    let pairs = single
+        .trajectories
+        .iter()
+        .zip(&told.trajectories)
+        .flat_map(|(a, b)| a.states.iter().flatten().zip(b.states.iter().flatten()));
     let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart > 0.0 && apart < 1e-5, "{apart} apart in single precision");
 
@@ -92,7 +106,8 @@ fn arrays_say_what_the_table_says() {
     std::fs::create_dir(folder.path().join("cube.npzs")).expect("a folder");
     for name in ["a", "b"] {
         let some = if name == "a" { &all[..3] } else { &all[3..] };
-        std::fs::write(folder.path().join(format!("cube.npzs/{name}.npz")), npz(&stacked(some).0, "<f8", "False")).expect("written");
+        std::fs::write(folder.path().join(format!("cube.npzs/{name}.npz")), npz(&stacked(some).0, "<f8", "False"))
+            .expect("written");
     }
     std::fs::write(folder.path().join("log.toml"), toml.replace("cube.csv", "cube.npzs")).expect("written");
     assert_eq!(Log::read(&folder.path().join("log.toml"), None).expect("a folder").trajectories, told.trajectories);
@@ -102,13 +117,16 @@ fn arrays_say_what_the_table_says() {
 #[test]
 fn torques_have_gaps_in_arrays_too() {
     let (system, folder) = (built_in("cartpole"), tempfile::tempdir().expect("a folder"));
-    let joints =
-        system.robot.joints().zip(["a", "b"]).map(|(joint, k)| {
-            format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", joint.name)
-        });
+    let joints = system.robot.joints().zip(["a", "b"]).map(|(joint, k)| {
+        format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", joint.name)
+    });
     let toml = format!("file = \"cube.csv\"\nrobot = \"cartpole\"\nscene = \"free\"\n{}", joints.collect::<String>());
     let row = |k: usize| {
-        format!("{:.9},0.1,0.5,0,{},0\n", 0.5 * k as f64 * system.frame_time, if k == 7 { String::new() } else { k.to_string() })
+        format!(
+            "{:.9},0.1,0.5,0,{},0\n",
+            0.5 * k as f64 * system.frame_time,
+            if k == 7 { String::new() } else { k.to_string() }
+        )
     };
     let csv: String = ["qa,qb,va,vb,ua,ub\n".to_string()].into_iter().chain((0..20).map(row)).collect();
     let told = read(folder.path(), &toml, "cube.csv", csv.as_bytes()).expect("a table");
@@ -134,7 +152,12 @@ fn arrays_that_cannot_be_right_are_refused() {
         ("no component", good.clone(), one("rates.5", "rates.6"), &["`rates.6`", "[3, 60, 6]"]),
         ("no component named", good.clone(), one("rates.5", "rates"), &["`rates`", "[3, 60, 6]", "NAME.0"]),
         ("rows", short, toml.clone(), &["`t` and `pose.0`", "3 x 60", "3 x 59"]),
-        ("NaN", changed(&|a| a[1].2[(60 + 17) * 7 + 2] = f64::NAN), toml.clone(), &["trajectory 1, row 17, column `pose.2`", "NaN"]),
+        (
+            "NaN",
+            changed(&|a| a[1].2[(60 + 17) * 7 + 2] = f64::NAN),
+            toml.clone(),
+            &["trajectory 1, row 17, column `pose.2`", "NaN"],
+        ),
         ("length", changed(&|a| a[1].2[3] *= 2.0), toml.clone(), &["trajectory 0, row 0", "quaternion of length"]),
         (
             "time",

@@ -47,7 +47,11 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     for (profile, value) in profiles.iter().zip(&fit.values) {
         let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
-        assert!(profile.len() == 6 && (least[0] - value).abs() < 1e-9, "{profile:?} is least at {}, not {value}", least[0]);
+        assert!(
+            profile.len() == 6 && (least[0] - value).abs() < 1e-9,
+            "{profile:?} is least at {}, not {value}",
+            least[0]
+        );
     }
 }
 
@@ -56,12 +60,20 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     let mut system = (*built_in("pendulum")).clone();
     system.robot.joints_mut().for_each(|j| (j.damping, j.armature) = (0.0, 0.0));
     let system = Arc::new(system);
-    let own = Subject::new(&system, "free", Engine::Articulated(ArticulatedConfig::converged(Friction::Coulomb))).expect("a scene");
+    let own = Subject::new(&system, "free", Engine::Articulated(ArticulatedConfig::converged(Friction::Coulomb)))
+        .expect("a scene");
     let g = system.gravity().norm();
     let large = own.with(&parameters(&system, &["size", "gravity"]), &[2.0, 2.0 * g]).expect("values");
     let start = vec![0.3, -0.7, 0.5, 1.0];
     let torques = vec![vec![0.0; 2]; 60];
-    let trial = Trial { id: 0, first: 0, measured: vec![start[..2].to_vec(); 61], start, torques, earlier: [vec![0.0; 2], vec![0.0; 2]] };
+    let trial = Trial {
+        id: 0,
+        first: 0,
+        measured: vec![start[..2].to_vec(); 61],
+        start,
+        torques,
+        earlier: [vec![0.0; 2], vec![0.0; 2]],
+    };
     let last = |s: &Subject| s.roll(std::slice::from_ref(&trial)).expect("a rollout")[0][60].clone();
     let (a, b) = (last(&own), last(&large));
     let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -109,7 +121,9 @@ fn values_mean_what_they_say() {
             assert!((round - sharp).abs() < 1e-12, "a corner reaches {round} m, a sharp one {sharp} m");
         }
     }
-    for (name, what) in [("colour", "choose from friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")] {
+    for (name, what) in
+        [("colour", "choose from friction"), ("com.x:wheel", "LINK of cube"), ("joint-damping:knee", "no parameter")]
+    {
         let said = line(Parameter::named(&system, name));
         assert!(said.contains(what), "{said}");
     }
@@ -119,7 +133,9 @@ fn values_mean_what_they_say() {
     assert_eq!((spec.height, spec.angles[0]), (0.01, 0.02));
     let twice = raised.with(&parameters(&system, &["height"]), &[0.01]).expect("values");
     assert_eq!(twice.system.spec.scenes[0].plane.height, 0.02);
-    assert!(subject.with(&parameters(&system, &["friction"]), &[0.3]).is_ok_and(|s| s.system.spec.material.friction == 0.3));
+    assert!(
+        subject.with(&parameters(&system, &["friction"]), &[0.3]).is_ok_and(|s| s.system.spec.material.friction == 0.3)
+    );
     assert!(Parameter::named(&system, "friction:moon").is_err());
     let restitution = parameters(&system, &["restitution"]);
     assert!(line(subject.with(&restitution, &[0.1])).contains("restitution"));
@@ -130,19 +146,34 @@ fn values_mean_what_they_say() {
 #[test]
 fn what_a_solver_refuses_is_an_error() {
     let urdf = include_str!("../../assets/logs/elbow.urdf").replace("friction=\"0\"", "friction=\"0.001\"");
-    let system = Arc::new(System::from_text("elbow", &urdf, Some(include_str!("../../assets/logs/elbow.toml"))).expect("an elbow"));
+    let system = Arc::new(
+        System::from_text("elbow", &urdf, Some(include_str!("../../assets/logs/elbow.toml"))).expect("an elbow"),
+    );
     let state = system.default_state();
     let torques = vec![vec![0.0]; 2];
-    let trial = Trial { id: 0, first: 0, measured: vec![state[..8].to_vec(); 3], torques, start: state, earlier: [vec![0.0], vec![0.0]] };
+    let trial = Trial {
+        id: 0,
+        first: 0,
+        measured: vec![state[..8].to_vec(); 3],
+        torques,
+        start: state,
+        earlier: [vec![0.0], vec![0.0]],
+    };
     let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     let said = line(subject.distances(&[trial]));
     assert!(said.contains("friction"), "{said}");
-    assert!(Parameter::usual(&system, "ground", true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
+    assert!(
+        Parameter::usual(&system, "ground", true)
+            .expect("parameters")
+            .iter()
+            .all(|p| !p.name.starts_with("joint-friction"))
+    );
 }
 
 /// The real double pendulum, as its file describes it.
 fn swung() -> Subject {
-    let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/double-pendulum.urdf")).expect("the sample's robot");
+    let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/double-pendulum.urdf"))
+        .expect("the sample's robot");
     let engine = Engine::Articulated(ArticulatedConfig::accurate(&system));
     Subject::new(&system, "free", engine).expect("a scene")
 }
@@ -151,7 +182,8 @@ fn swung() -> Subject {
 /// trajectory.
 fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     let mut rng = stream(11, id);
-    let torques: Vec<Vec<f64>> = (0..frames).map(|_| [0.6, 0.4].map(|most| most * nerd_sim::sampling::normal(&mut rng)).to_vec()).collect();
+    let torques: Vec<Vec<f64>> =
+        (0..frames).map(|_| [0.6, 0.4].map(|most| most * nerd_sim::sampling::normal(&mut rng)).to_vec()).collect();
     let mut solver = subject.engine.solver();
     let mut batch = Batch::new(&subject.system, &subject.scene, 1);
     batch.reset(0, &[0.2 * id as f64, -0.3, 0.0, 0.0]);

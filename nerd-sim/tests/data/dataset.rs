@@ -13,7 +13,14 @@ const BOX: [f64; 4] = [PI, PI, 2.0 * PI, 4.0 * PI];
 fn make(folder: &Path, seed: u64, frames: usize) -> Manifest {
     let system = built_in("pendulum");
     let torque_scale = Range { low: 0.0, high: 1.0 };
-    let config = GenerateConfig { transitions: 100 * frames, frames, seed, shard_trajectories: 40, torque_scale, ..Default::default() };
+    let config = GenerateConfig {
+        transitions: 100 * frames,
+        frames,
+        seed,
+        shard_trajectories: 40,
+        torque_scale,
+        ..Default::default()
+    };
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     generate(&system, &mut truth, "articulated paper coulomb", &config, folder, &mut |_, _| ()).expect("generated")
 }
@@ -69,7 +76,10 @@ fn a_recording_holds_what_the_sampling_laws_say() {
         }
         strongest = r.torques.iter().fold(strongest, |a, b| a.max(b.abs()));
         touching += r.depths.iter().filter(|d| **d < 0.1).count();
-        assert!(r.states.chunks_exact(4).all(|s| s[0].abs().max(s[1].abs()) <= BOX[0] * 1.000_001), "angles are wrapped");
+        assert!(
+            r.states.chunks_exact(4).all(|s| s[0].abs().max(s[1].abs()) <= BOX[0] * 1.000_001),
+            "angles are wrapped"
+        );
     }
     assert!((1000.0..=1500.0).contains(&strongest), "largest torque {strongest}, drawn from +-1500");
     assert!(touching > 50, "{touching} of 8000 points touch: the random planes are out of reach");
@@ -84,13 +94,19 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
     let mut runs = [0; 9];
     for t in 0..r.trajectories {
         let torque = |f: usize| &r.torques[(t * 24 + f) * 8..][..8];
-        let first = (1..24).find(|f| torque(*f) != torque(0)).expect("24 frames of one action, at most 8 were asked for");
-        (1..24).for_each(|f| assert_eq!(torque(f) != torque(f - 1), f % first == 0, "trajectory {t}, held {first}, frame {f}"));
+        let first =
+            (1..24).find(|f| torque(*f) != torque(0)).expect("24 frames of one action, at most 8 were asked for");
+        (1..24).for_each(|f| {
+            assert_eq!(torque(f) != torque(f - 1), f % first == 0, "trajectory {t}, held {first}, frame {f}")
+        });
         runs[first] += 1;
     }
     // Hold times are log-uniform over 1 to 8: expect `64 ln 2 / ln 9 = 20` trajectories with one frame an action, and
     // `64 ln (9 / 8) / ln 9 = 3.4` with eight.
-    assert!((10..=32).contains(&runs[1]) && runs[1..].iter().sum::<i32>() == 64 && runs[4..].iter().sum::<i32>() > 10, "{runs:?}");
+    assert!(
+        (10..=32).contains(&runs[1]) && runs[1..].iter().sum::<i32>() == 64 && runs[4..].iter().sum::<i32>() > 10,
+        "{runs:?}"
+    );
     // Resets start within 0.2 m of the origin, samples up to 10 m away.
     let d = system.robot.state_dim();
     let near = (0..64).filter(|t| [0, 2].iter().all(|axis| r.states[t * 25 * d + axis].abs() <= 0.2)).count();
@@ -145,7 +161,8 @@ fn draws_stay_what_they_were() {
     for (text, expected) in [toml, &varied].into_iter().zip(expected) {
         let system = Arc::new(System::from_text("cartpole", urdf, Some(text)).expect("it is right"));
         let config = GenerateConfig { transitions: 60, frames: 3, hold: 4, resets: 0.5, ..Default::default() };
-        let made = record(&system, &mut Articulated::new(ArticulatedConfig::accurate(&system)), &config, 0, 20).expect("recorded");
+        let made = record(&system, &mut Articulated::new(ArticulatedConfig::accurate(&system)), &config, 0, 20)
+            .expect("recorded");
         let starts = made.states.chunks(4 * system.robot.state_dim()).flat_map(|row| &row[..system.robot.state_dim()]);
         let numbers: Vec<f64> = starts.chain(&made.torques).chain(&made.drawn).copied().collect();
         let found = nerd_sim::dataset::Recording { states: numbers, ..Default::default() }.sha256();

@@ -7,8 +7,10 @@ use nerd_sim::files::{claim, read_text, write, write_with};
 use nerd_sim::prelude::System;
 
 fn names(folder: &Path) -> Vec<String> {
-    let mut names: Vec<_> =
-        std::fs::read_dir(folder).expect("folder").map(|e| e.expect("entry").file_name().into_string().expect("utf-8")).collect();
+    let mut names: Vec<_> = std::fs::read_dir(folder)
+        .expect("folder")
+        .map(|e| e.expect("entry").file_name().into_string().expect("utf-8"))
+        .collect();
     names.sort();
     names
 }
@@ -22,7 +24,11 @@ fn what_killed_writers_left_is_removed_and_what_living_ones_write_is_not() {
     std::fs::write(folder.path().join(".other.tmp"), b"not ours").expect("written");
     write_with(&path, |file| {
         file.write_all(b"outer")?;
-        assert_eq!(names(folder.path()).len(), 2, "the dead writer's file should be gone, ours and the other's be there");
+        assert_eq!(
+            names(folder.path()).len(),
+            2,
+            "the dead writer's file should be gone, ours and the other's be there"
+        );
         // Another writer comes and goes while this one is at work.
         write(&folder.path().join("inner.txt"), b"inner")
     })
@@ -43,7 +49,10 @@ fn many_writers_of_one_folder_do_not_disturb_each_other() {
     assert_eq!(names(folder.path()), ["0.bin", "1.bin", "2.bin", "3.bin"]);
     for (k, name) in names(folder.path()).iter().enumerate() {
         let bytes = std::fs::read(folder.path().join(name)).expect("read");
-        assert!(bytes.len() == 5000 && bytes.iter().all(|b| *b == bytes[0] && usize::from(*b) % 4 == k), "{name} is mixed");
+        assert!(
+            bytes.len() == 5000 && bytes.iter().all(|b| *b == bytes[0] && usize::from(*b) % 4 == k),
+            "{name} is mixed"
+        );
     }
 }
 
@@ -92,7 +101,10 @@ fn a_folder_is_claimed_once_and_an_empty_one_goes_again() {
             scope.spawn(|| {
                 for _ in 0..200 {
                     if let Ok(_claim) = claim(&above.path().join("race")) {
-                        most.fetch_max(1 + inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst), std::sync::atomic::Ordering::SeqCst);
+                        most.fetch_max(
+                            1 + inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst),
+                            std::sync::atomic::Ordering::SeqCst,
+                        );
                         inside.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
                     }
                 }
@@ -136,7 +148,9 @@ fn files_beyond_their_bounds_are_refused_with_their_size() {
     #[cfg(feature = "csv")]
     {
         let system = System::named("pendulum").expect("built in");
-        let said = nerd_sim::rollout::States::read(&large("a.csv", 1 << 40), &system).err().map_or_else(String::new, |e| e.to_string());
+        let said = nerd_sim::rollout::States::read(&large("a.csv", 1 << 40), &system)
+            .err()
+            .map_or_else(String::new, |e| e.to_string());
         assert!(said.contains("has 1048576 MB; at most 2048 MB are read"), "{said}");
     }
     let said = nerd_sim::files::read(&large("a.safetensors", 1 << 42)).expect_err("too large").to_string();

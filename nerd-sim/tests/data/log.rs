@@ -23,7 +23,13 @@ fn states_come_back_as_a_solver_had_them() {
     assert_eq!(log.trajectories.len(), 3);
     assert!(log.notes.is_empty(), "{:?}", log.notes);
     for (toss, found) in all.iter().zip(&log.trajectories) {
-        let apart = toss.states.iter().flatten().zip(found.states.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let apart = toss
+            .states
+            .iter()
+            .flatten()
+            .zip(found.states.iter().flatten())
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
         assert!(found.states.len() == 60 && apart < 1e-5, "toss {}: {apart} from what was written", toss.id);
     }
 }
@@ -46,7 +52,12 @@ fn what_is_missing_is_made_and_said() {
     let log = read(&text(&slow), header());
     assert!(log.notes.iter().any(|n| n.contains("resampled")), "{:?}", log.notes);
     let (a, b) = (&all[0].states[5], &log.trajectories[0].states[5]);
-    assert!((a[2] - b[2]).abs() < 1e-3 && log.trajectories[0].states.len() == 59, "{} m for {} m between two rows", b[2], a[2]);
+    assert!(
+        (a[2] - b[2]).abs() < 1e-3 && log.trajectories[0].states.len() == 59,
+        "{} m for {} m between two rows",
+        b[2],
+        a[2]
+    );
 }
 
 #[test]
@@ -96,13 +107,16 @@ fn what_is_odd_is_read_and_said() {
         assert_eq!(states, 60, "{what}: {notes}");
         match words {
             None => assert!(notes.is_empty(), "{what}: {notes}"),
-            Some(words) => assert!(words.iter().all(|word| notes.contains(word)), "{what}: `{notes}` does not say {words:?}"),
+            Some(words) => {
+                assert!(words.iter().all(|word| notes.contains(word)), "{what}: `{notes}` does not say {words:?}")
+            }
         }
     }
     let quick = read(&cells(&|_, x| x[1] *= 0.9), &bare());
     let (own, notes) = (quick.system.frame_time, quick.notes.join("; "));
     assert!(notes.contains(&format!("`frame_time = {:.6}`", 0.9 * own)), "{notes}");
-    let empty = line(Log::read(&folder(good.lines().next().expect("a head"), header()).path().join("cube.log.toml"), None));
+    let empty =
+        line(Log::read(&folder(good.lines().next().expect("a head"), header()).path().join("cube.log.toml"), None));
     assert!(empty.contains("cube.csv") && empty.contains("no rows"), "{empty}");
 }
 
@@ -118,13 +132,28 @@ fn what_cannot_be_right_is_refused() {
         ("the order", good.clone(), header().replace("wxyz", "xyzw"), &["qw, qx, qy, qz", "order = \"wxyz\""]),
         ("the axes", good.clone(), header().replace("\"body\"", "\"world\""), &["wx, wy, wz", "axes = \"body\""]),
         ("degrees", rates(180.0 / std::f64::consts::PI), header().into(), &["wx, wy, wz", "degrees taken for radians"]),
-        ("radians", good.clone(), header().replace("[root]", "units = { angle = \"deg\" }\n[root]"), &["radians taken for degrees"]),
-        ("speeds in mm/s", changed(&|x| x[9..12].iter_mut().for_each(|v| *v *= 1e3)), header().into(), &["vx, vy, vz", "1000"]),
+        (
+            "radians",
+            good.clone(),
+            header().replace("[root]", "units = { angle = \"deg\" }\n[root]"),
+            &["radians taken for degrees"],
+        ),
+        (
+            "speeds in mm/s",
+            changed(&|x| x[9..12].iter_mut().for_each(|v| *v *= 1e3)),
+            header().into(),
+            &["vx, vy, vz", "1000"],
+        ),
         ("mm", changed(&|x| (2..5).chain(9..12).for_each(|k| x[k] *= 1e3)), header().into(), &["a factor of 1000"]),
         ("time", good.replacen(&stamp(0, 7), &stamp(0, 1), 1), header().into(), &["line 9", "time must go on"]),
         ("a cut file", good[..good.len() - 40].into(), header().into(), &["cube.csv"]),
         ("no number", good.replacen(&stamp(0, 3), "0,nan", 1), header().into(), &["line 5", "column `t`"]),
-        ("s told as ns", good.clone(), header().replace("[root]", "units = { time = \"ns\" }\n[root]"), &["columns vx, vy, vz"]),
+        (
+            "s told as ns",
+            good.clone(),
+            header().replace("[root]", "units = { time = \"ns\" }\n[root]"),
+            &["columns vx, vy, vz"],
+        ),
         ("us told as s", changed(&|x| x[1] *= 1e6), bare(), &["line 2", "units.time"]),
         ("a column twice", good.clone(), header().replace("\"py\"", "\"px\""), &["`px`", "two things"]),
         ("a huge number", changed(&|x| x[2] = 1e300), header().into(), &["line 2", "at most"]),
@@ -158,7 +187,12 @@ fn joints_have_units_of_their_own_and_no_seams() {
     let log = Log::read(&folder.path().join("c.log.toml"), None).expect("a log");
     for state in &log.trajectories[0].states {
         let off = [(state[2] - speed).abs(), (state[3] - spin).abs()];
-        assert!(off[0] < 1e-6 && off[1] < 1e-6, "rates {} m/s and {} rad/s, {speed} and {spin} in truth", state[2], state[3]);
+        assert!(
+            off[0] < 1e-6 && off[1] < 1e-6,
+            "rates {} m/s and {} rad/s, {speed} and {spin} in truth",
+            state[2],
+            state[3]
+        );
     }
 }
 
@@ -183,7 +217,11 @@ fn rest_refuses_nothing() {
 #[test]
 fn free_fall_tells_the_scale() {
     let log = read(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf"));
-    assert!(log.notes.iter().any(|n| n.contains("free fall is 9.81") && n.contains("gravity is 10.000")), "{:?}", log.notes);
+    assert!(
+        log.notes.iter().any(|n| n.contains("free fall is 9.81") && n.contains("gravity is 10.000")),
+        "{:?}",
+        log.notes
+    );
 }
 
 /// The sample that comes with the crate.
@@ -204,8 +242,11 @@ fn a_folder_of_tables_becomes_pieces() {
     let folder = tempfile::tempdir().expect("a folder");
     let system = built_in("pendulum");
     let names: Vec<&str> = system.robot.joints().map(|j| j.name.as_str()).collect();
-    let joint = |k: usize| format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", names[k]);
-    let toml = format!("file = \"runs\"\nrobot = \"pendulum\"\nscene = \"ground1\"\ntime = \"t\"\n{}{}", joint(0), joint(1));
+    let joint = |k: usize| {
+        format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", names[k])
+    };
+    let toml =
+        format!("file = \"runs\"\nrobot = \"pendulum\"\nscene = \"ground1\"\ntime = \"t\"\n{}{}", joint(0), joint(1));
     std::fs::create_dir(folder.path().join("runs")).expect("a folder");
     let write = |name: &str, rows: usize, per: usize, torque: &dyn Fn(usize) -> String| {
         let dt = system.frame_time / per as f64;
@@ -225,14 +266,21 @@ fn a_folder_of_tables_becomes_pieces() {
     assert!(log.notes.iter().any(|n| n.starts_with("1 rows")), "{:?}", log.notes);
     // Times are written to the nanosecond.
     let near = |a: f64, b: f64| (a - b).abs() < 1e-4;
-    assert!(near(log.trajectories[3].torques[2][0], 9.5), "{:?} is not the mean of 8 to 11", log.trajectories[3].torques[2]);
+    assert!(
+        near(log.trajectories[3].torques[2][0], 9.5),
+        "{:?} is not the mean of 8 to 11",
+        log.trajectories[3].torques[2]
+    );
 
     let (frames, sequence) = (8, 3);
     let recording = log.recording(&log.trajectories, frames, sequence - 1).expect("pieces");
     recording.check(&system).expect("as the robot needs");
     let starts: Vec<f64> = recording.torques.chunks(2 * frames).map(|piece| piece[0]).collect();
     let told = [0.0, 6.0, 12.0, 18.0, 22.0, 0.0, 1.0, 10.0, 16.0, 1.5, 9.5];
-    assert!(starts.len() == told.len() && starts.iter().zip(told).all(|(a, b)| near(*a, b)), "pieces begin at {starts:?}, not {told:?}");
+    assert!(
+        starts.len() == told.len() && starts.iter().zip(told).all(|(a, b)| near(*a, b)),
+        "pieces begin at {starts:?}, not {told:?}"
+    );
     let mut first: Vec<u64> = Vec::new();
     for piece in recording.torques.chunks(2 * frames).take(5) {
         first.extend(piece.chunks(2).take(frames + 1 - sequence).map(|t| t[0] as u64));
@@ -243,7 +291,13 @@ fn a_folder_of_tables_becomes_pieces() {
     assert_eq!(first, (0..=27).collect::<Vec<_>>(), "sequences of {sequence} frames begin at each of them");
     // Contacts are computed from the robot's geometry.
     let mut events = Vec::new();
-    contacts(&system, &system.scene("ground1").expect("a scene"), &recording.states[..4], &mut Data::new(&system.robot), &mut events);
+    contacts(
+        &system,
+        &system.scene("ground1").expect("a scene"),
+        &recording.states[..4],
+        &mut Data::new(&system.robot),
+        &mut events,
+    );
     let depths: Vec<f64> = events.iter().map(|e| e.distance).collect();
     assert_eq!(recording.depths[..depths.len()], depths[..]);
 

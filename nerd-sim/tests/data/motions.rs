@@ -30,7 +30,13 @@ fn smooth_torques_hold_first_and_then_bend_without_a_corner() {
             assert!(path.iter().all(|tau| tau[k] == 0.0), "{}: it has no random torque", joint.name);
             continue;
         }
-        assert!((path[0][k] - held).abs() < 1e-9 * said.torque, "{}: {} holds it, not {}", joint.name, held, path[0][k]);
+        assert!(
+            (path[0][k] - held).abs() < 1e-9 * said.torque,
+            "{}: {} holds it, not {}",
+            joint.name,
+            held,
+            path[0][k]
+        );
         let most = path.iter().map(|tau| tau[k].abs()).fold(0.0, f64::max);
         assert!(most <= said.torque && most > 0.2 * said.torque, "{}: {most} of {}", joint.name, said.torque);
         // A cubic B-spline through values of at most T, h frames apart, has a second derivative of at most 4 T / h^2.
@@ -51,12 +57,19 @@ fn pegs_differ_by_trajectory_and_stand_clear_of_the_start() {
     let (mut data, mut events, mut places) = (Data::new(&system.robot), Vec::new(), Vec::new());
     for env in 0..8 {
         let scene = &batch.scenes[env];
-        assert!((2..=5).contains(&scene.colliders.len()), "the ground and up to four pegs, not {}", scene.colliders.len());
+        assert!(
+            (2..=5).contains(&scene.colliders.len()),
+            "the ground and up to four pegs, not {}",
+            scene.colliders.len()
+        );
         contacts(&system, scene, batch.state(env), &mut data, &mut events);
         let least = events.iter().map(|e| e.distance).fold(f64::MAX, f64::min);
         assert!(least >= 0.004, "trajectory {env} starts {least} m from a surface");
         places.push(format!("{:?}", scene.colliders.iter().map(|c| c.pose).collect::<Vec<_>>()));
-        assert_eq!(places[env], format!("{:?}", again.scenes[env].colliders.iter().map(|c| c.pose).collect::<Vec<_>>()));
+        assert_eq!(
+            places[env],
+            format!("{:?}", again.scenes[env].colliders.iter().map(|c| c.pose).collect::<Vec<_>>())
+        );
     }
     assert!((1..8).all(|env| !places[..env].contains(&places[env])), "layouts differ");
 }
@@ -76,7 +89,8 @@ fn what_begins_is_what_is_recorded() {
             let was = &recording.states[(env * 61 + frame) * d..][..d];
             assert_eq!(batch.state(env), was, "trajectory {env}, frame {frame}");
         }
-        let torques: Vec<f64> = (0..8).flat_map(|env| recording.torques[(env * 60 + frame) * joints..][..joints].to_vec()).collect();
+        let torques: Vec<f64> =
+            (0..8).flat_map(|env| recording.torques[(env * 60 + frame) * joints..][..joints].to_vec()).collect();
         solver.step(&mut batch, &torques).expect("it moves");
     }
 }

@@ -10,8 +10,13 @@ fn legged(legs: usize) -> String {
     for (leg, k) in (0..legs).flat_map(|leg| (0..3).map(move |k| (leg, k))) {
         let above = if k == 0 { "trunk".into() } else { format!("l{leg}{}", k - 1) };
         let (range, top) = (if (leg + k) % 4 == 0 { 0.002 } else { 0.4 }, if leg % 3 == 0 { 1.0 } else { 20.0 });
-        let (x, turn, rubs) = (if k == 0 { 0.0 } else { 0.1 }, if k == 0 { leg as f64 } else { 0.0 }, 0.05 * (leg % 2) as f64);
-        let follows = if (leg + 1, k) == (legs, 2) { format!(r#"<mimic joint="j{leg}0" multiplier="-1.5"/>"#) } else { String::new() };
+        let (x, turn, rubs) =
+            (if k == 0 { 0.0 } else { 0.1 }, if k == 0 { leg as f64 } else { 0.0 }, 0.05 * (leg % 2) as f64);
+        let follows = if (leg + 1, k) == (legs, 2) {
+            format!(r#"<mimic joint="j{leg}0" multiplier="-1.5"/>"#)
+        } else {
+            String::new()
+        };
         let inner = format!(
             r#"<origin xyz="{x} 0 0" rpy="0 0 {turn}"/><axis xyz="0 {k} 1"/><limit lower="-{range}" upper="{range}" effort="50" velocity="{top}"/>
             <dynamics damping="0.01" friction="{rubs}"/>{follows}"#
@@ -47,9 +52,15 @@ fn drives_of_every_kind_move_as_the_solver_has_them() {
         batch.drives = (0..20 * joints).map(drive).collect();
         for substeps in [1, 4] {
             let torques = vec![0.0; 20 * joints];
-            let case = Case { batch: batch.clone(), torques, config: ArticulatedConfig::implicit(substeps, Friction::Coulomb) };
+            let case = Case {
+                batch: batch.clone(),
+                torques,
+                config: ArticulatedConfig::implicit(substeps, Friction::Coulomb),
+            };
             let text = case.text(Real::F64).replace("#define UNROLLED 1\n", "#define UNROLLED 0\n");
-            let by = |name: &str| text.lines().find_map(|line| line.strip_prefix("#define ")?.strip_prefix(name)).map(str::trim);
+            let by = |name: &str| {
+                text.lines().find_map(|line| line.strip_prefix("#define ")?.strip_prefix(name)).map(str::trim)
+            };
             assert_eq!([by("ALONG"), by("WHIPS")], [Some("0"), Some(if floating { "0" } else { "1" })]);
             let apart = case.apart_by(&compiler, &text, 1);
             assert!(apart.states(0) < 1e-8 && apart.forces < 1e-7, "floating {floating}, x{substeps}: {apart:?}");

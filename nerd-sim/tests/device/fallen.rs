@@ -27,7 +27,11 @@ impl Case {
         for state in states.chunks_exact(system.robot.state_dim()) {
             contacts(system, &scenes[0], state, &mut data, &mut events);
             let points = &system.robot.contact_points;
-            events.iter().zip(points).filter(|(e, p)| e.distance < p.radius + 0.02).for_each(|(e, _)| near[e.collider] += 1);
+            events
+                .iter()
+                .zip(points)
+                .filter(|(e, p)| e.distance < p.radius + 0.02)
+                .for_each(|(e, _)| near[e.collider] += 1);
         }
         assert!(near.iter().all(|n| *n > 0), "by collider {near:?} points are near: not all are tried");
     }

@@ -19,9 +19,17 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
     let Some(compiler) = Compiler::find() else { return };
     let range = |low, high| Some(Range { low, high });
     let (none, half) = (VarySpec::default(), range(0.5, 1.5));
-    let all = VarySpec { mass: half, inertia: half, com: range(-0.02, 0.02), armature: range(0.0, 0.05), ..none.clone() };
-    let rubbed = VarySpec { joint_damping: half, damping: range(0.0, 2.0), dry_friction: range(0.1, 4.0), ..all.clone() };
-    let ground = VarySpec { friction: range(0.4, 1.2), stiffness: half, contact_damping: half, gravity: range(8.0, 11.0), ..none.clone() };
+    let all =
+        VarySpec { mass: half, inertia: half, com: range(-0.02, 0.02), armature: range(0.0, 0.05), ..none.clone() };
+    let rubbed =
+        VarySpec { joint_damping: half, damping: range(0.0, 2.0), dry_friction: range(0.1, 4.0), ..all.clone() };
+    let ground = VarySpec {
+        friction: range(0.4, 1.2),
+        stiffness: half,
+        contact_damping: half,
+        gravity: range(8.0, 11.0),
+        ..none.clone()
+    };
     let late = VarySpec { delay: range(0.0, 2.0), ..none.clone() };
     let rig = VarySpec {
         delay: late.delay,
@@ -44,13 +52,19 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
         let rigged = spec.delay.is_some();
         let Case { mut batch, torques, config } = family(name, scene, spec);
         let (frames, n, joints) = (4, batch.len(), batch.system.robot.joint_count());
-        let all: Vec<f64> = (0..frames).flat_map(|f| torques.iter().map(move |tau| tau * (1.0 - 0.6 * f as f64))).collect();
+        let all: Vec<f64> =
+            (0..frames).flat_map(|f| torques.iter().map(move |tau| tau * (1.0 - 0.6 * f as f64))).collect();
         let case = Case { batch: batch.clone(), torques: all.clone(), config };
         let motors = if rigged { ", b[8], b[9]" } else { "" };
         let kernel = format!("advance(b[0], b[1], b[2], b[3], b[4], 0, b[6], b[7], {n}, {frames}, 0{motors});");
-        let buffers = [case.buffers(), [0, 4 * n, 4 * n, 16 * n * joints, 4 * n].map(|size| vec![0; size]).into()].concat();
+        let buffers =
+            [case.buffers(), [0, 4 * n, 4 * n, 16 * n * joints, 4 * n].map(|size| vec![0; size]).into()].concat();
         let reached = |real| {
-            let found = compiler.launch(&case.text(real), &format!("for (; blockIdx.x < {n}; blockIdx.x++) {kernel}"), &buffers);
+            let found = compiler.launch(
+                &case.text(real),
+                &format!("for (; blockIdx.x < {n}; blockIdx.x++) {kernel}"),
+                &buffers,
+            );
             assert!(found[6].iter().all(|byte| *byte == 0), "{told}: faults {:?}", found[6]);
             doubles(&found[0])
         };
@@ -64,8 +78,9 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
             solver.step(&mut batch, torques).expect("it can be stepped");
             Articulated::new(config).step(&mut nominal, torques).expect("it can be stepped");
         }
-        let apart =
-            |found: &[f64], of: &Batch| found.iter().zip(&of.states).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+        let apart = |found: &[f64], of: &Batch| {
+            found.iter().zip(&of.states).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max)
+        };
         let (double, other) = (apart(&found, &batch), apart(&found, &nominal));
         assert!(double < 1e-9 && other > 1e-3, "{told}: {double:e}, {other:e}");
         if name == "pendulum" {
@@ -93,7 +108,13 @@ impl nerd_sim::articulated::device::Motion for Nowhere {
         None
     }
 
-    fn advance(&mut self, _: &nerd_sim::articulated::device::Held, _: &[u64], _: usize, _: bool) -> Result<(), nerd_cuda::DeviceError> {
+    fn advance(
+        &mut self,
+        _: &nerd_sim::articulated::device::Held,
+        _: &[u64],
+        _: usize,
+        _: bool,
+    ) -> Result<(), nerd_cuda::DeviceError> {
         Ok(())
     }
 
@@ -121,7 +142,8 @@ fn motors_of_a_family_are_no_reason_to_refuse_it() {
 #[test]
 fn settings_of_the_reference_are_refused() {
     let Case { mut batch, torques, config } = sampled("cube", "ground", ArticulatedConfig::accurate(&built_in("cube")));
-    let (huber, explicit) = (ArticulatedConfig { friction: Friction::Huber, ..config }, ArticulatedConfig::explicit(4, Friction::Coulomb));
+    let (huber, explicit) =
+        (ArticulatedConfig { friction: Friction::Huber, ..config }, ArticulatedConfig::explicit(4, Friction::Coulomb));
     for config in [huber, explicit, ArticulatedConfig { integrator: Integrator::SymplecticEuler, ..config }] {
         let said = nerd_sim::articulated::device::CudaArticulated::new(config, Real::F64).step(&mut batch, &torques);
         assert!(said.as_ref().is_err_and(|e| e.to_string().contains("have no kernels")), "{config:?}: {said:?}");

@@ -4,7 +4,9 @@ use super::*;
 
 /// Crates that fall on a leaning block, a ball and a capsule, some onto edges and corners.
 fn fallen() -> Case {
-    let corner = |k: usize| format!("{} {} {} ", 0.4 * (k & 1) as f64 - 0.2, 0.2 * (k & 2) as f64 - 0.2, 0.05 * (k & 4) as f64 - 0.1);
+    let corner = |k: usize| {
+        format!("{} {} {} ", 0.4 * (k & 1) as f64 - 0.2, 0.2 * (k & 2) as f64 - 0.2, 0.05 * (k & 4) as f64 - 0.1)
+    };
     let block: String = (0..8).map(corner).collect();
     let text = format!(
         r#"<mujoco><asset><mesh name="block" vertex="{block} 0 0 .3"/></asset><worldbody><geom type="mesh" mesh="block" pos=".1 0 0" euler="10 20 30"/>

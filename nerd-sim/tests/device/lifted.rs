@@ -4,7 +4,8 @@ use super::*;
 
 /// Trunks with two legs under torques, in the air or on the ground.
 fn lifted(vary: &str) -> Case {
-    let system = Arc::new(System::from_text("lifted", LIFTED, Some(&format!("like = \"urdf\"\n{vary}"))).expect("a robot"));
+    let system =
+        Arc::new(System::from_text("lifted", LIFTED, Some(&format!("like = \"urdf\"\n{vary}"))).expect("a robot"));
     let mut batch = vary::batch(&system, "ground", 20, 3).expect("a batch");
     (0..20).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(5, env as u64))));
     run(&mut Articulated::new(ArticulatedConfig::accurate(&system)), &mut batch, 0.0, 20);

@@ -10,7 +10,8 @@ fn crawling(scene: &str) -> Case {
     let d = system.robot.state_dim();
     for (env, state) in batch.states.chunks_exact_mut(d).enumerate() {
         let k = env as f64;
-        (state[0], state[11], state[13], state[12]) = (0.3 * (1.3 * k).sin(), 2.0 * k.sin(), (0.7 * k).cos(), 3.0 * (2.1 * k).sin());
+        (state[0], state[11], state[13], state[12]) =
+            (0.3 * (1.3 * k).sin(), 2.0 * k.sin(), (0.7 * k).cos(), 3.0 * (2.1 * k).sin());
     }
     let torques: Vec<f64> = (0..40 * system.robot.joint_count()).map(|k| 0.3 * (k as f64 * 0.7).sin()).collect();
     let config = ArticulatedConfig::accurate(&system);
@@ -43,7 +44,9 @@ fn geoms_of_a_file_move_as_the_solver_has_them() {
         let other = Case { batch: rubbed(&case), torques: case.torques.clone(), config: case.config };
         let apart = other.apart(&compiler, Real::F64, 3).states(0);
         let [mut own, mut rubbed] = [case.batch.clone(), other.batch.clone()];
-        [&mut own, &mut rubbed].into_iter().for_each(|batch| Articulated::new(case.config).step(batch, &case.torques).expect("steps"));
+        [&mut own, &mut rubbed]
+            .into_iter()
+            .for_each(|batch| Articulated::new(case.config).step(batch, &case.torques).expect("steps"));
         let differs = own.states.iter().zip(&rubbed.states).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
         assert!(apart < 1e-9 && differs > 1e-2, "on {scene}: {apart:e}, friction alone moves by {differs:e}");
     }
@@ -73,10 +76,18 @@ fn what_resists_turns_does_so_as_in_the_solver() {
     let system = turning(&system);
     let mut batch = batch(&system, "plane", 8);
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
-    batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = if k % d < joints { 0.2 * (k as f64).sin() } else { 0.0 });
+    batch
+        .states
+        .iter_mut()
+        .enumerate()
+        .for_each(|(k, x)| *x = if k % d < joints { 0.2 * (k as f64).sin() } else { 0.0 });
     run(&mut implicit(4), &mut batch, 0.0, 20);
     let torques = vec![0.0; batch.len() * joints];
-    let along = Case { batch, torques, config: ArticulatedConfig::implicit(64, Friction::Coulomb) }.apart(&compiler, Real::F64, 1);
+    let along = Case { batch, torques, config: ArticulatedConfig::implicit(64, Friction::Coulomb) }.apart(
+        &compiler,
+        Real::F64,
+        1,
+    );
     assert!(along.states(0) < 1e-9, "along the tree: {along:?}");
 }
 

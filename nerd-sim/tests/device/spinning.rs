@@ -4,9 +4,26 @@ use super::*;
 
 /// A body with an arm, low above the plane or in a free scene. Angular velocities are up to `spin` rad/s an axis.
 fn spinning(scene: &str, spin: f64, config: ArticulatedConfig) -> Case {
-    let trunk = link("trunk", 1.0, [0.05, 0.02, 0.03], [3e-3, 5e-3, 7e-3], &collision([0.0; 3], r#"<box size="0.3 0.2 0.05"/>"#));
-    let arm = link("arm", 0.1, [0.0, 0.0, 0.1], [1e-4, 1e-4, 2e-5], &collision([0.0, 0.0, 0.2], r#"<sphere radius="0.02"/>"#));
-    let hinge = joint("hinge", "continuous", ["trunk", "arm"], r#"<origin xyz="0.1 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.01"/>"#);
+    let trunk = link(
+        "trunk",
+        1.0,
+        [0.05, 0.02, 0.03],
+        [3e-3, 5e-3, 7e-3],
+        &collision([0.0; 3], r#"<box size="0.3 0.2 0.05"/>"#),
+    );
+    let arm = link(
+        "arm",
+        0.1,
+        [0.0, 0.0, 0.1],
+        [1e-4, 1e-4, 2e-5],
+        &collision([0.0, 0.0, 0.2], r#"<sphere radius="0.02"/>"#),
+    );
+    let hinge = joint(
+        "hinge",
+        "continuous",
+        ["trunk", "arm"],
+        r#"<origin xyz="0.1 0 0"/><axis xyz="0 1 0"/><dynamics damping="0.01"/>"#,
+    );
     let system = Arc::new(System::bare("spinner", &urdf(&[trunk, arm, hinge]), true).expect("a robot"));
     let mut batch = batch(&system, scene, 24);
     for env in 0..batch.len() {
@@ -25,7 +42,10 @@ fn spins_are_as_the_solver_has_them() {
     for (scene, spin, substeps) in [("plane", 5.0, 4), ("plane", 60.0, 1), ("plane", 60.0, 8), ("free", 60.0, 4)] {
         let case = spinning(scene, spin, ArticulatedConfig::implicit(substeps, Friction::Coulomb));
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 2));
-        assert!(double.states(0) < 1e-8 && single.states(2) < 0.05, "{scene} at {spin} rad/s, x{substeps}: {double:?}, {single:?}");
+        assert!(
+            double.states(0) < 1e-8 && single.states(2) < 0.05,
+            "{scene} at {spin} rad/s, x{substeps}: {double:?}, {single:?}"
+        );
     }
 }
 

@@ -20,7 +20,8 @@ fn start(system: &Arc<System>, scene: &str, n: usize) -> Batch {
 }
 
 fn driven(batch: &mut Batch, solver: &mut dyn Solver, frames: usize) {
-    let torques: Vec<f64> = (0..batch.len() * batch.system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
+    let torques: Vec<f64> =
+        (0..batch.len() * batch.system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
     (0..frames).for_each(|_| solver.step(batch, &torques).expect("finite"));
 }
 
@@ -47,13 +48,18 @@ fn environments_in_contact_leave_free_ones_alone() {
 fn the_same_seed_gives_the_same_bytes_on_any_number_of_threads_and_in_any_shard() {
     let (system, config) = (built_in("pendulum"), GenerateConfig { frames: 30, ..GenerateConfig::default() });
     for name in SOLVERS {
-        let take = |first, count| record(&system, &mut *solver(name, &system), &config, first, count).expect("recorded");
+        let take =
+            |first, count| record(&system, &mut *solver(name, &system), &config, first, count).expect("recorded");
         let hashes = [1, 2, 5].map(|threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("pool");
             pool.install(|| take(7, 200).sha256())
         });
         assert!(hashes.windows(2).all(|w| w[0] == w[1]), "{name}: bytes differ between 1, 2 and 5 threads");
-        assert_eq!(take(0, 100).states[60 * 31 * 4..], take(60, 40).states, "{name}: trajectories 60..100 of one shard and of two");
+        assert_eq!(
+            take(0, 100).states[60 * 31 * 4..],
+            take(60, 40).states,
+            "{name}: trajectories 60..100 of one shard and of two"
+        );
     }
 }
 
@@ -85,7 +91,11 @@ fn what_cannot_be_stepped_is_set_aside_with_its_address_and_harms_no_other() {
         let before = batch.clone();
         let said = line(solver.step(&mut batch, &[0.0; 7]));
         assert!(said.contains('7') && said.contains("140"), "{name}: {said}");
-        assert_eq!((&batch.states, &batch.frames), (&before.states, &before.frames), "{name}: changed by a refused step");
+        assert_eq!(
+            (&batch.states, &batch.frames),
+            (&before.states, &before.frames),
+            "{name}: changed by a refused step"
+        );
         let mut undisturbed = batch.clone();
         solver.step(&mut undisturbed, &[0.0; 280]).expect("finite");
         let mut torques = [0.0; 280];
@@ -93,7 +103,10 @@ fn what_cannot_be_stepped_is_set_aside_with_its_address_and_harms_no_other() {
         batch.state_mut(70)[3] = f64::NAN;
         let error = solver.step(&mut batch, &torques).expect_err("three that are not finite");
         let (said, faults) = (error.to_string(), error.faults().expect("of environments"));
-        assert!(said.contains("environment 2, frame 3: ") && said.contains("2 environments more") && !said.contains('\n'), "{said}");
+        assert!(
+            said.contains("environment 2, frame 3: ") && said.contains("2 environments more") && !said.contains('\n'),
+            "{said}"
+        );
         assert_eq!(faults.iter().map(|f| f.env).collect::<Vec<_>>(), [2, 70, 100], "{name}: {said}");
         for env in 0..140 {
             if faults.iter().any(|f| f.env == env) {
@@ -101,7 +114,11 @@ fn what_cannot_be_stepped_is_set_aside_with_its_address_and_harms_no_other() {
                 let stays = batch.state(env).iter().zip(before.state(env)).all(|(a, b)| a == b || a.is_nan());
                 assert!(stays, "{name}: environment {env} was moved");
             } else {
-                assert_eq!((batch.state(env), batch.frames[env]), (undisturbed.state(env), 4), "{name}: environment {env} noticed");
+                assert_eq!(
+                    (batch.state(env), batch.frames[env]),
+                    (undisturbed.state(env), 4),
+                    "{name}: environment {env} noticed"
+                );
             }
         }
     }

@@ -33,7 +33,13 @@ fn tosses() -> usize {
 
 /// Largest gain of kinetic and potential energy within `frames` frames, relative to the initial kinetic energy plus m g
 /// h. Tosses are random, from a height (m) with an angular velocity (rad/s) and a speed (m/s).
-fn gain(system: &Arc<System>, scene: &Arc<Scene>, substeps: usize, [height, spin, speed]: [f64; 3], frames: usize) -> f64 {
+fn gain(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    substeps: usize,
+    [height, spin, speed]: [f64; 3],
+    frames: usize,
+) -> f64 {
     let n = tosses();
     let (mut batch, mut data, mut random) = (Batch::new(system, scene, n), Data::new(&system.robot), stream(3, 0));
     for env in 0..n {
@@ -58,7 +64,11 @@ fn gain(system: &Arc<System>, scene: &Arc<Scene>, substeps: usize, [height, spin
     let (mut solver, mut worst) = (implicit(substeps), 0.0f64);
     for _ in 0..frames {
         run(&mut solver, &mut batch, 0.0, 1);
-        worst = first.iter().enumerate().map(|(env, (begun, size))| (energy(batch.state(env)).0 - begun) / size).fold(worst, f64::max);
+        worst = first
+            .iter()
+            .enumerate()
+            .map(|(env, (begun, size))| (energy(batch.state(env)).0 - begun) / size)
+            .fold(worst, f64::max);
     }
     worst
 }
@@ -150,13 +160,20 @@ fn links_on_each_other_give_no_energy() {
         )
     };
     let hinge = |k: usize| {
-        joint(&format!("j{k}"), "continuous", [&format!("l{}", k - 1), &format!("l{k}")], r#"<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/>"#)
+        joint(
+            &format!("j{k}"),
+            "continuous",
+            [&format!("l{}", k - 1), &format!("l{k}")],
+            r#"<origin xyz="0 0 -0.2"/><axis xyz="0 1 0"/>"#,
+        )
     };
     let parts: Vec<String> = (0..5).map(rod).chain((1..5).map(hinge)).collect();
-    for (name, material) in
-        [("default", ""), ("undamped", "material = { stiffness = 1e4, damping = 0.0, friction_damping = 0.0, friction = 0.0 }\n")]
-    {
-        let toml = format!("like = \"urdf\"\nfloating = true\nself_collision = true\ngravity = [0.0, 0.0, 0.0]\n{material}");
+    for (name, material) in [
+        ("default", ""),
+        ("undamped", "material = { stiffness = 1e4, damping = 0.0, friction_damping = 0.0, friction = 0.0 }\n"),
+    ] {
+        let toml =
+            format!("like = \"urdf\"\nfloating = true\nself_collision = true\ngravity = [0.0, 0.0, 0.0]\n{material}");
         let system = Arc::new(System::from_text("chain", &urdf(&parts), Some(&toml)).expect("a chain"));
         let scene = system.scene("free").expect("nothing else");
         for substeps in [1, 4, 8] {

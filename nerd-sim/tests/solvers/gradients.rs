@@ -78,7 +78,9 @@ fn check(what: &str, mut batch: Batch, frames: usize, exact: f64) {
 #[test]
 fn gradients_of_a_frame_are_those_of_central_differences() {
     let on_ground = [("cube", "ground"), ("ant", "ground"), ("anymal", "ground"), ("pendulum", "ground1")];
-    for (name, scene) in on_ground.into_iter().chain(["pendulum", "cartpole", "franka", "ant"].map(|name| (name, "free"))) {
+    for (name, scene) in
+        on_ground.into_iter().chain(["pendulum", "cartpole", "franka", "ant"].map(|name| (name, "free")))
+    {
         check(&format!("{name}, {scene}"), begun(&built_in(name), scene, 4), 100, EXACT);
     }
 }
@@ -89,10 +91,12 @@ fn gradients_know_joints_that_rub_spring_follow_and_are_driven() {
     check("joints with dry friction", begun(&rubbing, "ground", 4), 60, EXACT);
     let sprung = altered("ant", |system| system.robot.joints_mut().for_each(|j| (j.stiffness, j.rest) = (30.0, 0.2)));
     check("joints with springs", begun(&sprung, "ground", 4), 60, EXACT);
-    let damped = altered("ant", |system| system.robot.joints_mut().for_each(|j| (j.damping, j.stiffness) = (50.0, 1e4)));
+    let damped =
+        altered("ant", |system| system.robot.joints_mut().for_each(|j| (j.damping, j.stiffness) = (50.0, 1e4)));
     check("joints with stiff springs and dampers", begun(&damped, "ground", 4), 60, EXACT);
     let mut driven = begun(&built_in("ant"), "ground", 4);
-    driven.drives = vec![Drive { kp: 50.0, kd: 3.0, target: 0.3, speed: 0.1, effort: 8.0 }; 4 * driven.system.robot.joint_count()];
+    driven.drives =
+        vec![Drive { kp: 50.0, kd: 3.0, target: 0.3, speed: 0.1, effort: 8.0 }; 4 * driven.system.robot.joint_count()];
     check("drives, some at their effort", driven, 60, EXACT);
     let mut served = begun(&served(), "ground", 4);
     served.servo = true;
@@ -101,8 +105,9 @@ fn gradients_know_joints_that_rub_spring_follow_and_are_driven() {
     let cable = Arc::new(System::from_toml("cable", cable).expect("a cable"));
     check("a cable, solved along its tree", begun(&cable, "free", 4), 60, LIGHT);
     let grip = {
-        let finger =
-            |name: &str, y: f64| link(name, 0.1, [0.0, y, 0.1], [1e-4; 3], &collision([0.0, y, 0.2], r#"<sphere radius="0.02"/>"#));
+        let finger = |name: &str, y: f64| {
+            link(name, 0.1, [0.0, y, 0.1], [1e-4; 3], &collision([0.0, y, 0.2], r#"<sphere radius="0.02"/>"#))
+        };
         let slide = |name: &str, child: &str, more: &str| {
             let limit = r#"<limit lower="-0.05" upper="0.05" effort="10" velocity="10"/>"#;
             joint(name, "prismatic", ["palm", child], &format!(r#"<axis xyz="0 1 0"/>{limit}{more}"#))
@@ -118,7 +123,11 @@ fn gradients_know_joints_that_rub_spring_follow_and_are_driven() {
     };
     let mut grips = begun(&grip, "plane", 8);
     // They land about the tenth frame. While one only rolls, dampers switch on and off all the time.
-    grips.states.chunks_exact_mut(grip.robot.state_dim()).enumerate().for_each(|(env, state)| state[2] += 0.17 + 0.004 * env as f64);
+    grips
+        .states
+        .chunks_exact_mut(grip.robot.state_dim())
+        .enumerate()
+        .for_each(|(env, state)| state[2] += 0.17 + 0.004 * env as f64);
     check("a finger that follows another", grips, 20, EXACT);
 }
 
@@ -133,7 +142,9 @@ fn gradients_know_lifted_links_and_a_damped_root() {
 #[test]
 fn gradients_know_torsional_and_rolling_friction_and_margins() {
     for (name, scene) in [("cube", "ground"), ("ant", "ground")] {
-        let turning = altered(name, |s| (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005));
+        let turning = altered(name, |s| {
+            (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005)
+        });
         check(&format!("{name} with torsional and rolling friction"), begun(&turning, scene, 4), 100, HELD);
     }
     let crawler = crawler();
@@ -156,8 +167,11 @@ fn gradients_by_a_material_are_those_of_central_differences() {
         ("rolling", |m| &mut m.rolling),
         ("margin", |m| &mut m.margin),
     ];
-    let ball = altered("cube", |s| (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005));
-    for (what, system, scene, said) in [("cube", ball, "ground", false), ("geoms of a file", crawler(), "plane", true)] {
+    let ball = altered("cube", |s| {
+        (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005)
+    });
+    for (what, system, scene, said) in [("cube", ball, "ground", false), ("geoms of a file", crawler(), "plane", true)]
+    {
         let (mut solver, mut random) = (settled(four()), stream(5, 0));
         let (rows, joints) = (2 * system.robot.nv(), system.robot.joint_count());
         // All colliders and the robot have one material.
@@ -181,7 +195,8 @@ fn gradients_by_a_material_are_those_of_central_differences() {
             let torques = pushed(&own, batch.len(), &mut random);
             for env in (0..batch.len()).filter(|_| frame % 10 == 0) {
                 let (state, torques) = (batch.state(env), &torques[env * joints..(env + 1) * joints]);
-                let gradients = solver.back_by_numbers(&only(&batch, state), torques, rows, &identity(rows)).expect("gradients");
+                let gradients =
+                    solver.back_by_numbers(&only(&batch, state), torques, rows, &identity(rows)).expect("gradients");
                 if endless(four(), &batch, state, torques, &gradients.next) {
                     left_out += counted;
                     continue;
@@ -196,11 +211,18 @@ fn gradients_by_a_material_are_those_of_central_differences() {
                     let of = |by: f64| moved(by).clone();
                     let [up, down] = [size, -size].map(|by| nerd_sim::articulated::numbers(&of(by).0, &of(by).1));
                     let by: Vec<f64> = up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * size)).collect();
-                    let found: Vec<f64> =
-                        gradients.numbers.chunks_exact(by.len()).map(|row| row.iter().zip(&by).map(|(a, b)| a * b).sum()).collect();
+                    let found: Vec<f64> = gradients
+                        .numbers
+                        .chunks_exact(by.len())
+                        .map(|row| row.iter().zip(&by).map(|(a, b)| a * b).sum())
+                        .collect();
                     let (expected, agrees) = central(size, |by| {
                         let (system, scene) = moved(by);
-                        difference(&system.robot, &gradients.next, &stepped(&mut solver, &Batch::new(&system, &scene, 1), state, torques))
+                        difference(
+                            &system.robot,
+                            &gradients.next,
+                            &stepped(&mut solver, &Batch::new(&system, &scene, 1), state, torques),
+                        )
                     });
                     if norm(expected.iter().copied()).max(norm(found.iter().copied())) * size < 1e-9 {
                         continue;
@@ -214,7 +236,11 @@ fn gradients_by_a_material_are_those_of_central_differences() {
             solver.step(&mut batch, &torques).expect("steps");
         }
         for ((name, _), errors) in keys.iter().zip(&errors).filter(|(_, errors)| !errors.is_empty()) {
-            println!("  {what}, {name}: {} states, error {:.1e} (worst)", errors.len(), errors.iter().copied().fold(0.0, f64::max));
+            println!(
+                "  {what}, {name}: {} states, error {:.1e} (worst)",
+                errors.len(),
+                errors.iter().copied().fold(0.0, f64::max)
+            );
         }
         let idle = errors.iter().take(counted).filter(|errors| errors.is_empty()).count();
         assert!(idle <= 1, "{what}: {idle} numbers did nothing in any state");
@@ -232,14 +258,16 @@ fn gradients_of_what_repetition_leaves_are_near() {
         let mut errors = Vec::new();
         for _ in 0..50 {
             let torques = pushed(&system, 8, &mut random);
-            let [own, exact] =
-                [implicit(4), settled(four())].map(|mut s| s.vjp(&batch, &torques, rows, &identity).expect("gradients").states);
+            let [own, exact] = [implicit(4), settled(four())]
+                .map(|mut s| s.vjp(&batch, &torques, rows, &identity).expect("gradients").states);
             errors.extend(own.chunks(rows * rows).zip(exact.chunks(rows * rows)).map(|(a, b)| apart(a, b)));
             implicit(4).step(&mut batch, &torques).expect("steps");
         }
         errors.sort_by(f64::total_cmp);
         let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 9 / 10]);
-        println!("{name}: gradients as it steps against those of settled drags {median:.1e} (median), {most:.1e} (nine of ten)");
+        println!(
+            "{name}: gradients as it steps against those of settled drags {median:.1e} (median), {most:.1e} (nine of ten)"
+        );
         assert!(median < 1e-3, "{name}");
     }
 }
@@ -248,7 +276,9 @@ fn gradients_of_what_repetition_leaves_are_near() {
 fn what_has_no_slopes_is_refused_in_a_line() {
     let system = built_in("ant");
     let (batch, torques) = (begun(&system, "ground", 2), vec![0.0; 16]);
-    let refused = |solver: &mut dyn Solver, batch: &Batch, gradients: usize| line(solver.vjp(batch, &torques, 1, &vec![0.0; gradients]));
+    let refused = |solver: &mut dyn Solver, batch: &Batch, gradients: usize| {
+        line(solver.vjp(batch, &torques, 1, &vec![0.0; gradients]))
+    };
     let mut euler = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     assert!(refused(&mut euler, &batch, 56).contains("symplectic Euler"));
     assert!(refused(&mut settled(four()), &batch, 55).contains("55 gradients for 1 rows of 2 environments"));
@@ -295,14 +325,16 @@ fn a_linearised_frame_goes_along_any_direction() {
                 let (s, t) = (e * size..(e + 1) * size, e * joints..(e + 1) * joints);
                 let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
                 let there = dot(&forward[s.clone()], &row[s.clone()]);
-                let again = dot(&back.states[s.clone()], &along[s.clone()]) + dot(&back.torques[t.clone()], &pushes[t.clone()]);
+                let again =
+                    dot(&back.states[s.clone()], &along[s.clone()]) + dot(&back.torques[t.clone()], &pushes[t.clone()]);
                 let most = norm(forward[s.clone()].iter().copied()) * norm(row[s.clone()].iter().copied());
                 assert!((there - again).abs() < 1e-12 * most, "{name}: tangent {there}, adjoint {again}");
                 let (expected, _) = central(3e-6, |by| {
                     let mut state = batch.state(e).to_vec();
                     let change: Vec<f64> = along[s.clone()].iter().map(|x| x * by).collect();
                     moved(robot, batch.state(e), &change, &mut state);
-                    let torques: Vec<f64> = torques[t.clone()].iter().zip(&pushes[t.clone()]).map(|(t, p)| t + p * by).collect();
+                    let torques: Vec<f64> =
+                        torques[t.clone()].iter().zip(&pushes[t.clone()]).map(|(t, p)| t + p * by).collect();
                     difference(
                         robot,
                         &back.next[e * robot.state_dim()..][..robot.state_dim()],
@@ -330,10 +362,17 @@ fn gradients_by_parameters_are_those_of_central_differences() {
         let [trunk, limb] = [0, 4].map(|link| &robot.links[link].name);
         let joint = &robot.joints().nth(2).expect("a joint").name;
         let joints = ["joint-damping", "joint-friction", "armature"].map(|name| format!("{name}:{joint}"));
-        let links = [format!("mass:{trunk}"), format!("com.y:{limb}"), format!("inertia:{limb}"), format!("mass:{limb}")];
+        let links =
+            [format!("mass:{trunk}"), format!("com.y:{limb}"), format!("inertia:{limb}"), format!("mass:{limb}")];
         links.into_iter().chain(joints)
     };
-    let arm = ["gravity".to_string(), "mass:pole".into(), "com.z:pole".into(), "inertia:pole".into(), "joint-damping:hinge".into()];
+    let arm = [
+        "gravity".to_string(),
+        "mass:pole".into(),
+        "com.z:pole".into(),
+        "inertia:pole".into(),
+        "joint-damping:hinge".into(),
+    ];
     for (name, scene, names) in [
         ("cube", "ground", contact.map(String::from).into_iter().chain(cube).collect::<Vec<_>>()),
         ("ant", "ground", contact.map(String::from).into_iter().chain(parts("ant")).collect()),
@@ -343,13 +382,15 @@ fn gradients_by_parameters_are_those_of_central_differences() {
     ] {
         let (mut solver, mut random) = (settled(four()), stream(3, 0));
         let system = built_in(name);
-        let parameters: Vec<Parameter> = names.iter().map(|n| Parameter::named(&system, n).unwrap_or_else(|e| panic!("{e}"))).collect();
+        let parameters: Vec<Parameter> =
+            names.iter().map(|n| Parameter::named(&system, n).unwrap_or_else(|e| panic!("{e}"))).collect();
         let mut values: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         for (p, value) in parameters.iter().zip(&mut values) {
             // Inside its bounds: a friction or a radius of zero has only a one-sided derivative.
             *value += 0.01 * (p.high - *value);
         }
-        let subject = Subject::new(&system, scene, Engine::Articulated(ArticulatedConfig::accurate(&system))).expect("a subject");
+        let subject =
+            Subject::new(&system, scene, Engine::Articulated(ArticulatedConfig::accurate(&system))).expect("a subject");
         let own = subject.with(&parameters, &values).expect("values");
         let by = subject.numbers_by(&parameters, &values).expect("values");
         let (robot, joints) = (&own.system.robot, own.system.robot.joint_count());
@@ -362,14 +403,18 @@ fn gradients_by_parameters_are_those_of_central_differences() {
             let torques = pushed(&own.system, batch.len(), &mut random);
             for env in (0..batch.len()).filter(|_| frame % 20 == 0) {
                 let (state, torques) = (batch.state(env), &torques[env * joints..(env + 1) * joints]);
-                let gradients = solver.back_by_numbers(&only(&batch, state), torques, rows, &identity).expect("gradients");
+                let gradients =
+                    solver.back_by_numbers(&only(&batch, state), torques, rows, &identity).expect("gradients");
                 if endless(four(), &batch, state, torques, &gradients.next) {
                     left_out += parameters.len();
                     continue;
                 }
                 for (k, by) in by.iter().enumerate() {
-                    let found: Vec<f64> =
-                        gradients.numbers.chunks_exact(by.len()).map(|row| row.iter().zip(by).map(|(a, b)| a * b).sum()).collect();
+                    let found: Vec<f64> = gradients
+                        .numbers
+                        .chunks_exact(by.len())
+                        .map(|row| row.iter().zip(by).map(|(a, b)| a * b).sum())
+                        .collect();
                     let size = 2e-3 * (parameters[k].high - parameters[k].low);
                     let (expected, agrees) = central(size, |size| {
                         let mut values = values.clone();
@@ -391,7 +436,11 @@ fn gradients_by_parameters_are_those_of_central_differences() {
             solver.step(&mut batch, &torques).expect("steps");
         }
         for (name, errors) in names.iter().zip(&errors) {
-            println!("  {name}: {} states, error {:.1e} (worst)", errors.len(), errors.iter().copied().fold(0.0, f64::max));
+            println!(
+                "  {name}: {} states, error {:.1e} (worst)",
+                errors.len(),
+                errors.iter().copied().fold(0.0, f64::max)
+            );
         }
         let idle = errors.iter().filter(|errors| errors.is_empty()).count();
         assert!(idle <= 1, "{name}: {idle} parameters did nothing in any state");

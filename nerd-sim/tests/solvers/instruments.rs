@@ -66,7 +66,9 @@ fn shaking_is_normal_and_repeats() {
 /// A ball that flies and spins without gravity keeps both velocities: gliding is exact there.
 #[test]
 fn gliding_is_exact_where_nothing_pulls() {
-    let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), gravity: 0.0, ..Default::default() }.system().expect("a ball");
+    let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), gravity: 0.0, ..Default::default() }
+        .system()
+        .expect("a ball");
     let mut glided = Batch::new(&ball, &ball.scene("free").expect("free"), 1);
     glided.reset(0, &Body::state([1.0, 2.0, 3.0], [0.0, 0.6, 0.0, 0.8], [0.3, -0.4, 0.5], [1.0, 0.5, -2.0]));
     let mut stepped = glided.clone();

@@ -49,7 +49,11 @@ fn a_floating_robot_converges_to_the_articulated_solution() {
         let found = after(&mut Rapier::new(RapierConfig { iterations: 1, steps, ..Default::default() }));
         found.iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     });
-    assert!((1.6..2.5).contains(&(coarse / fine)), "{coarse:.2e} to {fine:.2e}: ratio {:.2}, first order is 2", coarse / fine);
+    assert!(
+        (1.6..2.5).contains(&(coarse / fine)),
+        "{coarse:.2e} to {fine:.2e}: ratio {:.2}, first order is 2",
+        coarse / fine
+    );
     assert!(fine < 2e-2, "{fine:.2e} at 64 outer steps, bound 2e-2");
 }
 
@@ -72,12 +76,16 @@ fn along_its_own_axes_a_robot_moves_alike_wherever_it_heads() {
         at(&system, "ground", &state)
     };
     let [own, world] = [true, false].map(|own_axes| {
-        let after = |angle| end(&mut Rapier::new(RapierConfig { own_axes, ..Default::default() }), headed(angle), 0.0, 40);
+        let after =
+            |angle| end(&mut Rapier::new(RapierConfig { own_axes, ..Default::default() }), headed(angle), 0.0, 40);
         let joints = |state: &[f64]| state[7..system.robot.nq()].to_vec();
         let pairs = joints(&after(0.0)).into_iter().zip(joints(&after(1.0)));
         pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     });
-    assert!(own < 1e-8 && world > 1e-3, "joints differ by {own:.1e} rad along its own axes, by {world:.1e} along the world's");
+    assert!(
+        own < 1e-8 && world > 1e-3,
+        "joints differ by {own:.1e} rad along its own axes, by {world:.1e} along the world's"
+    );
 }
 
 /// The reference's cube, dropped flat from 0.2 m, stays down at restitution 0 and rebounds to a quarter at 0.5. The
@@ -90,7 +98,8 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
     let dropped = at(&system, "ground", &start);
     let solver = |restitution| Rapier::new(RapierConfig { restitution, ..Default::default() });
     let [none, half] = [0.0, 0.5].map(|restitution| {
-        let heights: Vec<f64> = motion(&mut solver(restitution), dropped.clone(), 0.0, 70).iter().map(|s| s[2] - 0.0524).collect();
+        let heights: Vec<f64> =
+            motion(&mut solver(restitution), dropped.clone(), 0.0, 70).iter().map(|s| s[2] - 0.0524).collect();
         let landed = heights.windows(2).position(|w| w[1] > w[0] + 1e-4).unwrap_or(heights.len() - 1);
         heights[landed..].iter().fold(f64::MIN, |a, b| a.max(*b))
     });

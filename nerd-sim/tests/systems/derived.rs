@@ -6,7 +6,13 @@ use super::common::*;
 /// A block of this mass (kg) and size (m), centred at `place` in its link.
 fn block(name: &str, mass: f64, [x, y, z]: [f64; 3], place: [f64; 3]) -> String {
     let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
-    link(name, mass, place, [inertia(y, z), inertia(x, z), inertia(x, y)], &collision(place, &format!("<box size=\"{x} {y} {z}\"/>")))
+    link(
+        name,
+        mass,
+        place,
+        [inertia(y, z), inertia(x, z), inertia(x, y)],
+        &collision(place, &format!("<box size=\"{x} {y} {z}\"/>")),
+    )
 }
 
 fn hinge(name: &str, links: [&str; 2], [x, y, z]: [f64; 3], effort: f64) -> String {
@@ -59,7 +65,11 @@ fn what_walks_is_free_and_what_is_an_arm_is_not() {
     for (name, urdf, free) in [("table", table(1.0, ""), true), ("arm", arm(), false), ("brick", brick, true)] {
         let system = read(&urdf, None).expect("a robot");
         assert_eq!(system.robot.floating(), free, "{name}");
-        assert!(system.notes.iter().any(|n| n.contains(if free { "free base" } else { "fixed base" })), "{:?}", system.notes);
+        assert!(
+            system.notes.iter().any(|n| n.contains(if free { "free base" } else { "fixed base" })),
+            "{:?}",
+            system.notes
+        );
         match read(&urdf, Some(&format!("like = \"urdf\"\nfloating = {}", !free))) {
             Ok(other) => assert_eq!(other.robot.floating(), !free, "{name}: one line says otherwise"),
             Err(e) => assert!(name == "brick" && e.to_string().contains("moves"), "{name}: {e}"),
@@ -74,10 +84,17 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     assert_eq!(system.frame_time, 0.01);
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
     assert_eq!(armatures, [0.0, 0.03, 0.0, 0.0], "no drive inertia that the file does not give");
-    assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
+    assert_eq!(
+        system.joint_specs().nth(1).map(|j| j.kp),
+        plain.joint_specs().nth(1).map(|j| j.kp),
+        "the rest of the joint is what it was"
+    );
     let [own, derived] = [&system, &plain].map(|system| system.spec.material);
     assert_eq!(own, Material { friction: 0.9, ..derived }, "the rest of the material, too");
-    for (key, words) in [("default_q = -90", ["default_q is -90", "in rad"]), ("kp = \"30 N\"", ["[[joint]] name = \"hip1\": ", "30 N"])] {
+    for (key, words) in [
+        ("default_q = -90", ["default_q is -90", "in rad"]),
+        ("kp = \"30 N\"", ["[[joint]] name = \"hip1\": ", "30 N"]),
+    ] {
         let said = read(&table(1.0, ""), Some(&text.replace("armature = 0.03", key))).err().map(|e| e.to_string());
         assert!(said.as_ref().is_some_and(|said| words.iter().all(|word| said.contains(word))), "{said:?}");
     }
@@ -86,12 +103,17 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
 /// A point mass on its own axis has no rotational inertia: only this joint gets armature, and a note.
 #[test]
 fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
-    let tip = [link("tip", 0.1, [0.0; 3], [0.0; 3], ""), hinge("spin", ["link3", "tip"], [0.0, 0.0, 0.3], 50.0)].concat();
+    let tip =
+        [link("tip", 0.1, [0.0; 3], [0.0; 3], ""), hinge("spin", ["link3", "tip"], [0.0, 0.0, 0.3], 50.0)].concat();
     let system = read(&arm().replace("</robot>", &(tip + "</robot>")), None).expect("a robot");
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
     // 50 N m accelerate it to 10 rad/s in 10 ms.
     assert_eq!(armatures, [0.0, 0.0, 0.0, 0.05]);
-    assert!(system.notes.iter().any(|n| n.contains("guessed armature") && n.contains("spin 0.05")), "{:?}", system.notes);
+    assert!(
+        system.notes.iter().any(|n| n.contains("guessed armature") && n.contains("spin 0.05")),
+        "{:?}",
+        system.notes
+    );
 }
 
 /// The printed specification gives the same robot if placed beside the file.
@@ -99,7 +121,8 @@ fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
 fn the_printed_specification_is_the_robot() {
     for urdf in [table(1.0, ""), arm()] {
         let system = read(&urdf, None).expect("a robot");
-        let again = read(&urdf, Some(&format!("like = \"urdf\"\n{}", system.spec_text()))).expect("it was printed by us");
+        let again =
+            read(&urdf, Some(&format!("like = \"urdf\"\n{}", system.spec_text()))).expect("it was printed by us");
         assert_eq!(again.sha256(), system.sha256(), "{}", system.spec_text());
     }
 }
@@ -121,8 +144,15 @@ fn contact_scales_with_the_robot() {
         for k in 0..50 {
             let state = start(&system, if k % 2 == 0 { Start::Sample } else { Start::Reset }, &mut stream(1, k));
             contacts(&system, &scene, &state, &mut data, &mut events);
-            assert!(events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance > p.radius), "a start within the ground");
-            assert!(state[7..11].iter().all(|q| (-1.0..=0.8).contains(q)), "a start beyond the limits: {:?}", &state[7..11]);
+            assert!(
+                events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance > p.radius),
+                "a start within the ground"
+            );
+            assert!(
+                state[7..11].iter().all(|q| (-1.0..=0.8).contains(q)),
+                "a start beyond the limits: {:?}",
+                &state[7..11]
+            );
         }
     }
 }
@@ -142,7 +172,8 @@ fn what_stands_keeps_its_feet() {
 /// radius.
 #[test]
 fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
-    let [foot, belly] = [([0.0, 0.0, -0.3], 0.02), ([0.0; 3], 0.28)].map(|(at, r)| collision(at, &format!("<sphere radius=\"{r}\"/>")));
+    let [foot, belly] =
+        [([0.0, 0.0, -0.3], 0.02), ([0.0; 3], 0.28)].map(|(at, r)| collision(at, &format!("<sphere radius=\"{r}\"/>")));
     let text = table(1.0, &foot).replacen("</link>", &format!("{belly}</link>"), 1);
     let system = read(&text, None).expect("a robot with starts");
     let (ground, mut data, mut events) = (system.scene("plane").expect("a plane"), system.data(), Vec::new());
@@ -160,7 +191,8 @@ fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
 fn a_cylinder_alone_is_a_robot() {
     for length in [0.005, 0.1, 0.12, 0.15, 1.0] {
         let shape = collision([0.0; 3], &format!("<cylinder radius=\"0.05\" length=\"{length}\"/>"));
-        let system = read(&urdf(&[link("can", 0.3, [0.0; 3], [5.5e-4, 5.5e-4, 3.75e-4], &shape)]), None).expect("a can");
+        let system =
+            read(&urdf(&[link("can", 0.3, [0.0; 3], [5.5e-4, 5.5e-4, 3.75e-4], &shape)]), None).expect("a can");
         assert!((system.default_state()[2] - 0.5 * length).abs() < 1e-4, "stands at {} m", system.default_state()[2]);
     }
 }
@@ -169,13 +201,16 @@ fn a_cylinder_alone_is_a_robot() {
 #[test]
 fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
     let mut parts = vec![block("table", 20.0, [1.6, 1.6, 0.05], [0.0, 0.0, -0.025])];
-    for (k, size) in [[0.12, 0.12, 0.1], [0.06, 0.06, 0.4], [0.06, 0.06, 0.3], [0.2, 0.04, 0.1]].into_iter().enumerate() {
+    for (k, size) in [[0.12, 0.12, 0.1], [0.06, 0.06, 0.4], [0.06, 0.06, 0.3], [0.2, 0.04, 0.1]].into_iter().enumerate()
+    {
         let [above, own] = [k, k + 1].map(|k| if k == 0 { "table".into() } else { format!("link{k}") });
         parts.push(block(&own, 1.0, size, [0.0, 0.0, 0.5 * size[2]]));
         let place = [0.0, 0.0, [0.0, 0.1, 0.4, 0.3][k]];
         let axis = if k == 0 { "0 0 1" } else { "0 1 0" };
         parts.push(
-            hinge(&format!("joint{k}"), [&above, &own], place, 50.0).replace("0 1 0", axis).replace("-1\" upper=\"0.8", "-2\" upper=\"2"),
+            hinge(&format!("joint{k}"), [&above, &own], place, 50.0)
+                .replace("0 1 0", axis)
+                .replace("-1\" upper=\"0.8", "-2\" upper=\"2"),
         );
     }
     let system = read(&urdf(&parts), None).expect("an arm");
@@ -198,7 +233,9 @@ fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
 /// Reading time is linear in the number of spheres, not cubic.
 #[test]
 fn two_thousand_spheres_on_a_link_are_read_in_seconds() {
-    let spheres = |n: usize| (0..n).map(|k| collision([0.0, 0.0, 0.001 * k as f64], r#"<sphere radius="0.1"/>"#)).collect::<String>();
+    let spheres = |n: usize| {
+        (0..n).map(|k| collision([0.0, 0.0, 0.001 * k as f64], r#"<sphere radius="0.1"/>"#)).collect::<String>()
+    };
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("spheres.urdf");
     std::fs::write(&path, urdf(&[link("body", 1.0, [0.0; 3], [1.0; 3], &spheres(2000))])).expect("written");

@@ -10,7 +10,9 @@ const DRAWN: [[u8; 4]; 3] = [[0, 50, 100, 0], [50, 100, 150, 0], [100, 150, 200,
 /// balls. They are not `simple`, since MuJoCo takes a simple body for three times as light.
 fn file(drawn: &str) -> String {
     let ball = |[x, y]: [f64; 2]| {
-        format!(r#"<body simple="false" pos="{x} {y} 2"><joint type="slide" axis="0 0 1" damping="2"/><geom size=".1" mass="1"/></body>"#)
+        format!(
+            r#"<body simple="false" pos="{x} {y} 2"><joint type="slide" axis="0 0 1" damping="2"/><geom size=".1" mass="1"/></body>"#
+        )
     };
     let balls: String = PLACES.map(ball).concat();
     format!(
@@ -71,7 +73,11 @@ fn a_height_field_of_a_file_ends() {
         ([0.0, 0.1, -0.5], 0.3, -Vector3::z()),
     ] {
         let event = scene.contact(&Vector3::new(x, y, z));
-        assert!((event.distance - distance).abs() < 1e-12, "at {x} {y} {z}: {} m away, {distance} by hand", event.distance);
+        assert!(
+            (event.distance - distance).abs() < 1e-12,
+            "at {x} {y} {z}: {} m away, {distance} by hand",
+            event.distance
+        );
         assert!((event.normal - normal).norm() < 1e-12, "at {x} {y} {z}: {:?}", event.normal);
     }
 }
@@ -105,5 +111,9 @@ fn height_fields_that_mujoco_refuses_are_refused_by_line() {
     let lost = r#"<mujoco><asset><hfield name="h" file="none.png" size="1 1 1 1"/></asset><worldbody><geom type="hfield" hfield="h"/>
         <body><joint/><geom size=".1"/></body></worldbody></mujoco>"#;
     let lost = System::from_text("r", lost, None).expect("a robot");
-    assert!(lost.notes.iter().any(|note| note.contains("touches nothing: its height field, ./none.png: ")), "{:?}", lost.notes);
+    assert!(
+        lost.notes.iter().any(|note| note.contains("touches nothing: its height field, ./none.png: ")),
+        "{:?}",
+        lost.notes
+    );
 }

@@ -19,7 +19,11 @@ fn read(text: &str, toml: &str) -> Result<System, SystemError> {
 fn gap(system: &System, scene: &str, state: &[f64]) -> f64 {
     let mut events = Vec::new();
     contacts(system, &system.scene(scene).expect("a scene"), state, &mut system.data(), &mut events);
-    events.iter().zip(&system.robot.contact_points).map(|(event, point)| event.distance - point.radius).fold(f64::MAX, f64::min)
+    events
+        .iter()
+        .zip(&system.robot.contact_points)
+        .map(|(event, point)| event.distance - point.radius)
+        .fold(f64::MAX, f64::min)
 }
 
 /// The default pose touches the ground, and starts are above it by at most a share of the diagonal.
@@ -56,11 +60,15 @@ fn a_robot_starts_on_the_ground_of_its_file_however_it_lies() {
 /// Starts are above static objects of the file, and the default pose stays the file's.
 #[test]
 fn a_robot_inside_of_what_stands_starts_above_it() {
-    let text = file("", "", "0 0 .1").replace("<body name", r#"<geom type="box" size=".2 .2 .2" pos=".25 0 .2"/><body name"#);
+    let text =
+        file("", "", "0 0 .1").replace("<body name", r#"<geom type="box" size=".2 .2 .2" pos=".25 0 .2"/><body name"#);
     let system = read(&text, "").expect("a crate");
     assert!(system.notes.iter().any(|note| note.contains("it starts at least 0.4")), "{:?}", system.notes);
     let inside = gap(&system, "ground", &system.default_state());
-    assert!((inside + 0.05).abs() < 2e-5 && (system.default_state()[2] - 0.1).abs() < 2e-5, "{inside} m from what stands");
+    assert!(
+        (inside + 0.05).abs() < 2e-5 && (system.default_state()[2] - 0.1).abs() < 2e-5,
+        "{inside} m from what stands"
+    );
     for which in [Start::Sample, Start::Reset] {
         for k in 0..20 {
             let start = start(&system, which, &mut stream(3, k));
@@ -74,16 +82,26 @@ fn a_robot_inside_of_what_stands_starts_above_it() {
 #[test]
 fn a_robot_stands_where_y_is_up() {
     let system = Arc::new(read(&file(r#"gravity="0 -9.81 0""#, r#"euler="-90 0 0""#, "0 .1 0"), "").expect("a crate"));
-    let last = end(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "ground", &system.default_state()), 0.0, 60);
+    let last = end(
+        &mut Articulated::new(ArticulatedConfig::accurate(&system)),
+        at(&system, "ground", &system.default_state()),
+        0.0,
+        60,
+    );
     let give = 0.1 - last[1];
-    assert!((0.0..1e-3).contains(&give) && last[0].abs() < 1e-4 && last[2].abs() < 1e-4, "its middle is at {:?}", &last[..3]);
+    assert!(
+        (0.0..1e-3).contains(&give) && last[0].abs() < 1e-4 && last[2].abs() < 1e-4,
+        "its middle is at {:?}",
+        &last[..3]
+    );
 }
 
 /// Scenes are merged by name: a TOML's scenes are added to the file's, may replace it or become the data scene.
 #[test]
 fn scenes_of_a_toml_are_beside_that_of_the_file() {
     let text = file("", r#"pos="0 0 2""#, "0 0 0");
-    let yard = |name: &str| format!("[[scene]]\nname = \"{name}\"\nplane = {{ height = 5.0, angles = [0.0, 0.6, 0.0] }}\n");
+    let yard =
+        |name: &str| format!("[[scene]]\nname = \"{name}\"\nplane = {{ height = 5.0, angles = [0.0, 0.6, 0.0] }}\n");
     for (toml, names, data, height) in [
         (yard("yard"), vec!["free", "ground", "yard"], "ground", 2.1),
         (yard("ground"), vec!["free", "ground"], "ground", 5.1),
@@ -94,7 +112,11 @@ fn scenes_of_a_toml_are_beside_that_of_the_file() {
         assert_eq!((system.scene_names(), system.spec.data_scene.as_deref()), (names, Some(data)), "{toml}");
         let state = system.default_state();
         let stands = gap(&system, data, &state);
-        assert!(stands.abs() < 1e-9 && (state[2] - height).abs() < 0.1, "{toml}: at {} m, {stands:.1e} m above the ground", state[2]);
+        assert!(
+            stands.abs() < 1e-9 && (state[2] - height).abs() < 0.1,
+            "{toml}: at {} m, {stands:.1e} m above the ground",
+            state[2]
+        );
     }
 }
 
@@ -104,9 +126,14 @@ fn scenes_of_a_toml_are_beside_that_of_the_file() {
 fn refusals_speak_of_what_was_written() {
     let hill = "data_scene = \"hill\"\n[[scene]]\nname = \"hill\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\nbox = [{ size = [9, 9, 9], position = [0, 0, 0] }]\n";
     let error = read(&file("", "", "0 0 0"), hill).expect_err("no start is clear of the box").to_string();
-    assert!(error.contains("scene `hill`") && error.contains("[root] in a .toml") && !error.contains("[root."), "{error}");
-    let text = file("", "", "0 0 0")
-        .replace("</body>", r#"<body><joint name="hip" stiffness="1e12"/><geom size=".1" pos="0 0 .2"/></body></body>"#);
+    assert!(
+        error.contains("scene `hill`") && error.contains("[root] in a .toml") && !error.contains("[root."),
+        "{error}"
+    );
+    let text = file("", "", "0 0 0").replace(
+        "</body>",
+        r#"<body><joint name="hip" stiffness="1e12"/><geom size=".1" pos="0 0 .2"/></body></body>"#,
+    );
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("r.xml");
     std::fs::write(&path, text).expect("written");

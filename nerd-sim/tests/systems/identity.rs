@@ -27,11 +27,16 @@ fn how_it_is_written_changes_nothing() {
     ] {
         assert_eq!(hashes(URDF, &changed(TOML, from, to)), ours, "`{from}` as `{to}`");
     }
-    assert_eq!(hashes(URDF, &format!("substeps = 8\n{}", changed(TOML, "substeps = 8", ""))), ours, "another order of keys");
+    assert_eq!(
+        hashes(URDF, &format!("substeps = 8\n{}", changed(TOML, "substeps = 8", ""))),
+        ours,
+        "another order of keys"
+    );
     let spaced = URDF.replace("><", ">\n <!-- here --> <").replace("<robot ", "<robot\n  ");
     assert_eq!(hashes(&spaced, TOML), ours);
     // Tables of joints in another order: they are matched by name.
-    let at: Vec<usize> = TOML.match_indices("[[joint]]").chain(TOML.match_indices("[[contact]]")).map(|m| m.0).collect();
+    let at: Vec<usize> =
+        TOML.match_indices("[[joint]]").chain(TOML.match_indices("[[contact]]")).map(|m| m.0).collect();
     let (first, second) = (&TOML[at[0]..at[1]], &TOML[at[1]..at[2]]);
     assert_eq!(hashes(URDF, &changed(TOML, &format!("{first}{second}"), &format!("{second}{first}"))), ours);
 }
@@ -94,7 +99,8 @@ fn limits_count_and_all_built_in_robots_differ() {
     let robot = |urdf: &str, toml: &str| hashes(urdf, toml)[0].clone();
     let ours = robot(urdf, toml);
     // Without contact the material does not matter.
-    let slippery = "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }";
+    let slippery =
+        "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }";
     assert_eq!(robot(urdf, &changed(toml, "substeps = 4", slippery)), ours);
     assert_ne!(robot(&changed(urdf, "lower=\"-4\"", "lower=\"-3.9\""), toml), ours);
     assert_ne!(robot(urdf, &changed(toml, "damping = 10.0", "damping = 11.0")), ours);

@@ -25,7 +25,8 @@ fn keys_left_out_are_the_others_and_own_keys_win() {
         };
         assert_eq!(differ(&bare), [""; 0], "like {name}, and nothing said");
         assert_eq!(bare["urdf"], Value::Null, "like {name}");
-        let own = keys(&read(&format!("like = \"{name}\"\nsubsteps = 77\ngravity = [0.0, 0.0, -1.5]\ntruth = \"rapier\"")));
+        let own =
+            keys(&read(&format!("like = \"{name}\"\nsubsteps = 77\ngravity = [0.0, 0.0, -1.5]\ntruth = \"rapier\"")));
         assert_eq!(differ(&own), ["gravity", "substeps", "truth"], "like {name}, three keys said");
         assert_eq!((&own["substeps"], &own["truth"]), (&77.into(), &"rapier".into()), "like {name}");
     }
@@ -33,8 +34,13 @@ fn keys_left_out_are_the_others_and_own_keys_win() {
 
 #[test]
 fn robots_of_the_paper_have_its_materials_and_substeps() {
-    let material =
-        |stiffness, damping, friction_damping, friction| Material { stiffness, damping, friction_damping, friction, ..Material::default() };
+    let material = |stiffness, damping, friction_damping, friction| Material {
+        stiffness,
+        damping,
+        friction_damping,
+        friction,
+        ..Material::default()
+    };
     // Materials of robot and ground, and substeps: the reference simulator's settings of these robots.
     let cases = [
         ("cartpole", None, 5),
@@ -50,10 +56,15 @@ fn robots_of_the_paper_have_its_materials_and_substeps() {
         assert_eq!(paper.spec.substeps, substeps, "{name}-paper");
         assert_ne!(ours.robot_sha256(), paper.robot_sha256(), "{name} and {name}-paper are one robot to a model");
         let Some(materials) = materials else { continue };
-        let ground = paper.scene(paper.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+        let ground =
+            paper.scene(paper.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
         assert_eq!([paper.spec.material, ground.colliders[0].material], materials, "{name}-paper");
         // Our tangential damping is larger.
-        assert!(ours.spec.material.friction_damping > materials[0].friction_damping, "{name}: {:?}", ours.spec.material);
+        assert!(
+            ours.spec.material.friction_damping > materials[0].friction_damping,
+            "{name}: {:?}",
+            ours.spec.material
+        );
     }
 }
 
@@ -78,7 +89,10 @@ fn old_keys_are_read_as_the_new_ones() {
     let (spec, urdf) = System::texts("ant").expect("built in");
     let both = spec.replacen("default_q = 1.0", "default_q = 1.0\ndefault = 1.0", 1);
     let said = System::from_text("ant", urdf, Some(&both)).err().map(|e| e.to_string()).unwrap_or_default();
-    assert!(said.contains("`default` is the old name of `default_q`, and both are given; leave `default` out"), "{said}");
+    assert!(
+        said.contains("`default` is the old name of `default_q`, and both are given; leave `default` out"),
+        "{said}"
+    );
     let cable = "frame_time = 0.01\n[cable]\nlength = 1.0\ndiameter = 0.01\nmass = 0.1\nbending = 1e-3\nlinks = 4\n";
     let scene = "[[scene]]\nname = 'table'\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
     let [new, old] = [

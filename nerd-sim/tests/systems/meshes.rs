@@ -41,7 +41,8 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
     // The header looks like a text STL's.
-    std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "solid brick")).expect("a file");
+    std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "solid brick"))
+        .expect("a file");
     let system = System::named(&path.display().to_string()).expect("a brick");
     assert!(system.meshes.is_empty() && system.notes.is_empty(), "{:?}", system.notes);
     assert_eq!(system.robot.contact_points.len(), 8);
@@ -96,14 +97,23 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
     // A quarter turn about x takes the z of the inner node to -y.
     let inner = r##"<node><rotate>1 0 0 90</rotate><scale>1 1 1</scale><instance_node url="#n"/></node>"##;
     let [low, high] = extent("inner.dae", dae(inner));
-    let off = low.iter().zip([-0.2, -1.2, -0.2]).chain(high.iter().zip([0.2, -0.8, 0.2])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let off = low
+        .iter()
+        .zip([-0.2, -1.2, -0.2])
+        .chain(high.iter().zip([0.2, -0.8, 0.2]))
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
     assert!(off < 1e-9, "{low:?} to {high:?}, off by {off:.1e} m");
     // Sixty nodes that each show the next one twice, and a node that shows itself, end in a note.
-    let doubling: String =
-        (0..60).map(|k| format!(r##"<node id="d{k}">{}</node>"##, format!(r##"<instance_node url="#d{}"/>"##, k + 1).repeat(2))).collect();
-    for (nodes, what) in
-        [(doubling + r#"<node id="d60"/>"#, "more than"), (r##"<node id="e"><instance_node url="#e"/></node>"##.into(), "nested")]
-    {
+    let doubling: String = (0..60)
+        .map(|k| {
+            format!(r##"<node id="d{k}">{}</node>"##, format!(r##"<instance_node url="#d{}"/>"##, k + 1).repeat(2))
+        })
+        .collect();
+    for (nodes, what) in [
+        (doubling + r#"<node id="d60"/>"#, "more than"),
+        (r##"<node id="e"><instance_node url="#e"/></node>"##.into(), "nested"),
+    ] {
         let notes = with_mesh("evil.dae", dae(&nodes)).notes.join(" ");
         assert!(notes.contains("evil.dae") && notes.contains(what), "{notes}");
     }
@@ -137,9 +147,18 @@ fn gltf_and_ply_are_where_their_files_put_them() {
     }
     glb.extend(padded.as_bytes());
     [12, 0x004E_4942, 0, 0, 0].iter().for_each(|word: &u32| glb.extend(word.to_le_bytes()));
-    let files = [("a.glb", glb), ("a.gltf", gltf(nodes, INSIDE, ONE).into()), ("b.gltf", gltf(nodes, r#","uri":"a%20b.bin""#, ONE).into())];
+    let files = [
+        ("a.glb", glb),
+        ("a.gltf", gltf(nodes, INSIDE, ONE).into()),
+        ("b.gltf", gltf(nodes, r#","uri":"a%20b.bin""#, ONE).into()),
+    ];
     for (name, bytes) in files {
-        let off = extent(name, bytes).as_flattened().iter().zip(right.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let off = extent(name, bytes)
+            .as_flattened()
+            .iter()
+            .zip(right.as_flattened())
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
         assert!(off < 1e-6, "{name}: off by {off:.1e} m");
     }
     let header = |format: &str, x: &str| {
@@ -165,7 +184,8 @@ fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
     let ply = |vertices: &str, rest: &str| {
         format!("ply\nformat ascii 1.0\n{vertices}\nproperty float x\nproperty float y\n{rest}end_header\n1 2\n")
     };
-    let doubling: String = (1..60).map(|k| format!(r#"{{"children":[{k},{k}]}},"#)).collect::<String>() + r#"{"mesh":0}"#;
+    let doubling: String =
+        (1..60).map(|k| format!(r#"{{"children":[{k},{k}]}},"#)).collect::<String>() + r#"{"mesh":0}"#;
     let sparse = r#""count":4000000000,"sparse":{"count":1,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}"#;
     let texts = [
         ("a.gltf", gltf(r#"{"children":[0]}"#, INSIDE, ONE), "nested"),
@@ -187,11 +207,15 @@ fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
         ("a.stl", String::new(), "a.stl"),
     ];
     let bytes = [("a.stl", stl([f32::NAN; 3], ""), "not finite"), ("a.stl", stl([0.0; 3], ""), "no size")];
-    for (name, bytes, word) in texts.map(|(name, text, word)| (name, text.into_bytes(), word)).into_iter().chain(bytes) {
+    for (name, bytes, word) in texts.map(|(name, text, word)| (name, text.into_bytes(), word)).into_iter().chain(bytes)
+    {
         let system = with_mesh(name, bytes);
         let notes = system.notes.join(" ");
         assert_eq!((system.meshes.len(), system.robot.contact_points.len()), (1, 0));
-        assert!([word, "nothing touches it"].iter().all(|w| notes.contains(w)) && !notes.contains('\n'), "`{notes}` has no `{word}`");
+        assert!(
+            [word, "nothing touches it"].iter().all(|w| notes.contains(w)) && !notes.contains('\n'),
+            "`{notes}` has no `{word}`"
+        );
     }
 }
 
@@ -235,7 +259,8 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
     }
     let mesh = |name: &str| collision([0.0; 3], &format!(r#"<mesh filename="{name}.obj"/>"#));
     let (foot_at, foot_radius) = ([0.0, 0.0, -0.22], 0.03);
-    let ends = collision(foot_at, r#"<sphere radius="0.03"/>"#) + &collision([0.0; 3], r#"<capsule radius="0.01" length="0.1"/>"#);
+    let ends = collision(foot_at, r#"<sphere radius="0.03"/>"#)
+        + &collision([0.0; 3], r#"<capsule radius="0.01" length="0.1"/>"#);
     let mut parts = vec![link("trunk", 5.0, [0.0; 3], [0.1; 3], &mesh("trunk"))];
     for (k, (name, more, kind)) in [
         ("shin", ends.as_str(), "revolute"),
@@ -260,7 +285,10 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
     let system = System::named(&path.to_string_lossy()).expect("a robot");
     let (robot, mut data) = (&system.robot, Data::new(&system.robot));
     let of = |link: usize| robot.contact_points.iter().filter(move |p| p.link == link);
-    assert!(of(1).filter(|p| p.radius > 1e-3).map(|p| p.radius).eq([foot_radius]), "the foot is a ball, and the capsule is hidden");
+    assert!(
+        of(1).filter(|p| p.radius > 1e-3).map(|p| p.radius).eq([foot_radius]),
+        "the foot is a ball, and the capsule is hidden"
+    );
     assert!(of(4).filter(|p| matches!(p.locus, Locus::Rim { .. })).count() >= 6, "a tyre rolls");
     let mut worst: f64 = 0.0;
     for k in 0..51 {
@@ -274,8 +302,13 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
         let mut lowest = f64::INFINITY;
         for (link, name) in robot.links.iter().map(|l| l.name.trim_end_matches(char::is_numeric)).enumerate() {
             let vertices = meshes.iter().find(|(mesh, _)| *mesh == name).map(|(_, vertices)| vertices);
-            let deepest = vertices.into_iter().flatten().map(|v| point_position(&data, link, v).z).fold(f64::INFINITY, f64::min);
-            let ball = if name == "shin" { point_position(&data, link, &foot_at.into()).z - foot_radius } else { f64::INFINITY };
+            let deepest =
+                vertices.into_iter().flatten().map(|v| point_position(&data, link, v).z).fold(f64::INFINITY, f64::min);
+            let ball = if name == "shin" {
+                point_position(&data, link, &foot_at.into()).z - foot_radius
+            } else {
+                f64::INFINITY
+            };
             lowest = lowest.min(deepest).min(ball);
         }
         let found = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);

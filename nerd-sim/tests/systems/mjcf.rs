@@ -38,13 +38,15 @@ fn what_is_written_is_read_again() {
         let system = System::named(name).expect("built in");
         let text = mjcf(&system, &system.scene("free").expect("a scene"), &[]).expect("written");
         let again = read(&text);
-        let joints =
-            |system: &System| system.robot.joints().map(|j| (j.name.clone(), j.limit.map(|l| [l.lower, l.upper]))).collect::<Vec<_>>();
+        let joints = |system: &System| {
+            system.robot.joints().map(|j| (j.name.clone(), j.limit.map(|l| [l.lower, l.upper]))).collect::<Vec<_>>()
+        };
         assert_eq!(joints(&system), joints(&again), "{name}");
         for k in 0..20 {
             let state = start(&system, Start::Sample, &mut stream(5, k));
             let (a, b) = (accelerations(&system, &state), accelerations(&again, &state));
-            let gap = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / a.iter().map(|a| a.abs()).fold(1e-9, f64::max);
+            let gap = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+                / a.iter().map(|a| a.abs()).fold(1e-9, f64::max);
             assert!(gap < 1e-9, "{name}: accelerations apart by {gap:.1e}");
         }
     }
@@ -71,27 +73,35 @@ fn our_contact_is_written_as_mujoco_scales_it() {
 #[test]
 fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
     let moments = |geom: &str, settings: &str| {
-        let text = format!("<mujoco><compiler {settings}/><worldbody><body><freejoint/><geom {geom}/></body></worldbody></mujoco>");
+        let text = format!(
+            "<mujoco><compiler {settings}/><worldbody><body><freejoint/><geom {geom}/></body></worldbody></mujoco>"
+        );
         read(&text).robot.links[0].inertia
     };
     // A capsule without length is a ball of water. A thin capsule of a given mass is a rod about its middle.
     let (ball, point) = (moments(r#"type="sphere" size=".1""#, ""), moments(r#"type="capsule" size=".1 1e-15""#, ""));
     assert!(
-        (ball.mass - 4188.790 * 1e-3).abs() < 1e-6 && (ball.inertia[(0, 0)] / (0.4 * ball.mass * 0.01) - 1.0).abs() < 1e-12,
+        (ball.mass - 4188.790 * 1e-3).abs() < 1e-6
+            && (ball.inertia[(0, 0)] / (0.4 * ball.mass * 0.01) - 1.0).abs() < 1e-12,
         "{ball:?}"
     );
     assert!((point.mass - ball.mass).abs() < 1e-12 && (point.inertia - ball.inertia).amax() < 1e-15, "{point:?}");
     let rod = moments(r#"type="capsule" size="1e-4" fromto="0 0 0 0 3 4" mass="2""#, "");
     let across = Vector3::new(0.0, 0.6, 0.8);
     let expected = (Matrix3::identity() - across * across.transpose()) * (2.0 * 25.0 / 12.0);
-    assert!((rod.inertia - expected).amax() < 1e-3 && (rod.com - Vector3::new(0.0, 1.5, 2.0)).norm() < 1e-12, "{rod:?}");
+    assert!(
+        (rod.inertia - expected).amax() < 1e-3 && (rod.com - Vector3::new(0.0, 1.5, 2.0)).norm() < 1e-12,
+        "{rod:?}"
+    );
     // `balanceinertia`, `boundmass` and `boundinertia` act, and `settotalmass` scales the total.
     let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 7""#;
     assert!((moments(inertial, r#"balanceinertia="true""#).inertia - Matrix3::identity() * 3.0).amax() < 1e-12);
     let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 1.5""#;
     assert_eq!(moments(inertial, r#"boundmass="5""#).mass, 5.0);
-    let (set, geoms) =
-        (moments(inertial, r#"settotalmass="2""#), moments(inertial, r#"inertiafromgeom="true" boundmass="1" boundinertia="2""#));
+    let (set, geoms) = (
+        moments(inertial, r#"settotalmass="2""#),
+        moments(inertial, r#"inertiafromgeom="true" boundmass="1" boundinertia="2""#),
+    );
     assert!(
         set.mass == 2.0 && (set.inertia[(2, 2)] - 3.0).abs() < 1e-12 && (geoms.inertia[(0, 0)] - 2.0).abs() < 1e-12,
         "{set:?} {geoms:?}"
@@ -110,7 +120,10 @@ fn joints_of_one_body_are_a_chain_in_their_own_coordinates() {
     assert!((still.translation.vector - Vector3::new(2.0, 0.0, 1.0)).norm() < 1e-12, "{still}");
     assert!((moved.translation.vector - Vector3::new(1.0, 0.0, 0.25)).norm() < 1e-12, "{moved}");
     assert!((still.rotation * Vector3::x() + Vector3::z()).norm() < 1e-12, "{still}");
-    assert!(system.robot.joints().map(|j| j.name.as_str()).eq(["lift", "turn"]) && system.robot.links[0].inertia.mass == 0.0);
+    assert!(
+        system.robot.joints().map(|j| j.name.as_str()).eq(["lift", "turn"])
+            && system.robot.links[0].inertia.mass == 0.0
+    );
     let limit = system.robot.joints().nth(1).and_then(|j| j.limit).expect("autolimits");
     assert!((limit.upper - 0.5 * std::f64::consts::PI).abs() < 1e-12);
 }
@@ -125,7 +138,10 @@ fn classes_give_what_elements_leave_out() {
     let (joint, shapes) = (system.robot.joints().next().expect("a joint"), &system.robot.links[0].shapes);
     assert_eq!([joint.damping, joint.effort, system.spec.joints[0].gain.unwrap_or(0.0)], [3.0, 8.0, 8.0]);
     assert!(shapes[0].pose.rotation.angle_to(&half_turn) < 1e-12 && shapes[0].pose.translation.x == 1.0, "{shapes:?}");
-    assert!(shapes[1].pose.translation.z == 1.0 && matches!(shapes[1].kind, nerd_sim::nerd_core::robot::ShapeKind::Sphere { radius: 2.0 }));
+    assert!(
+        shapes[1].pose.translation.z == 1.0
+            && matches!(shapes[1].kind, nerd_sim::nerd_core::robot::ShapeKind::Sphere { radius: 2.0 })
+    );
 }
 
 /// Position actuators of all of an arm's joints become its controller; with any other actuator, actions are torques.
@@ -159,7 +175,8 @@ fn what_no_urdf_says_becomes_keys() {
             r#"<body name="b{k}" pos="{k} 0 0"><joint name="j{k}" axis="0 1 0" armature=".{k}" {more}/><geom size=".1" friction="{k}"/><camera name="eye{k}"/></body>"#
         )
     };
-    std::fs::write(folder.path().join("leg.xml"), format!("<mujocoinclude>{}</mujocoinclude>", body(3, ""))).expect("a file");
+    std::fs::write(folder.path().join("leg.xml"), format!("<mujocoinclude>{}</mujocoinclude>", body(3, "")))
+        .expect("a file");
     let text = format!(
         r#"<!-- <robot> --><mujoco model="m"><option gravity="0 0 -5"/><visual/><statistic extent="1"/><asset><texture name="t" builtin="flat" width="4" height="4"/></asset>
         <worldbody><light/><geom type="plane" size="1 1 1" pos="0 0 2" friction=".2"/><body name="root"><freejoint/><geom size=".5"/><site name="s"/>{}{}<include file="leg.xml"/></body></worldbody>
@@ -175,7 +192,10 @@ fn what_no_urdf_says_becomes_keys() {
     let system = System::named(&path.display().to_string()).unwrap_or_else(|e| panic!("{e}"));
     let (robot, specs) = (&system.robot, &system.spec.joints);
     let mimic = robot.follower().and_then(Joint::mimic).expect("j2 follows");
-    assert_eq!([mimic.multiplier, mimic.offset, specs[0].armature, specs[1].armature], [-2.0, 0.1, 0.1 + 4.0 * 0.2, 0.3]);
+    assert_eq!(
+        [mimic.multiplier, mimic.offset, specs[0].armature, specs[1].armature],
+        [-2.0, 0.1, 0.1 + 4.0 * 0.2, 0.3]
+    );
     assert_eq!([specs[0].kp, specs[0].kd, specs[0].stiffness, specs[1].kp, specs[1].kd], [28.0, 8.0, 3.0, 0.0, 5.0]);
     assert_eq!([specs[0].default_q, specs[1].default_q, robot.joints().next().expect("j1").effort], [0.3, 0.4, 6.0]);
     assert_eq!(
@@ -203,10 +223,22 @@ fn what_matters_and_is_not_understood_is_refused_by_name_and_line() {
         ),
         (world(r#"<body name="b"><joint name="hip" damping="1,5"/></body>"#), "line 3, <joint> `hip`: damping=\"1,5\""),
         (world(r#"<body name="b"><composite type="rope"/></body>"#), "line 3, <composite>: it is not known in <body>"),
-        (world(r#"<body name="b"><joint/><geom type="mesh" mesh="m"/></body>"#), "line 3, <geom>: mesh=\"m\": there is no such mesh"),
-        (world(&format!(r#"<body name="a"><freejoint/><geom size="1"/></body>{body}"#)), "line 3, <body> `b`: it moves beside"),
-        (world(r#"<body name="a"><joint type="free" frictionloss="1"/><geom size="1"/></body>"#), "is not 0: write <freejoint/>"),
-        (world(r#"<body name="a"><freejoint align="true"/><geom size="1"/></body>"#), "line 3, <body> `a`: align moves its frame"),
+        (
+            world(r#"<body name="b"><joint/><geom type="mesh" mesh="m"/></body>"#),
+            "line 3, <geom>: mesh=\"m\": there is no such mesh",
+        ),
+        (
+            world(&format!(r#"<body name="a"><freejoint/><geom size="1"/></body>{body}"#)),
+            "line 3, <body> `b`: it moves beside",
+        ),
+        (
+            world(r#"<body name="a"><joint type="free" frictionloss="1"/><geom size="1"/></body>"#),
+            "is not 0: write <freejoint/>",
+        ),
+        (
+            world(r#"<body name="a"><freejoint align="true"/><geom size="1"/></body>"#),
+            "line 3, <body> `a`: align moves its frame",
+        ),
         (world(r#"<body><geom class="no"/></body>"#), "there is no default class `no`"),
         (beside(r#"<equality><weld name="w" body1="b"/></equality>"#), "line 2, <weld> `w`: it is not supported"),
         (
@@ -214,13 +246,22 @@ fn what_matters_and_is_not_understood_is_refused_by_name_and_line() {
             "line 2, <joint>: joint2=\"k\": there is no such hinge or slide",
         ),
         (beside(r#"<actuator><muscle name="m" joint="j"/></actuator>"#), "line 2, <muscle> `m`: only motor"),
-        (beside(r#"<actuator><motor name="m" tendon="t"/></actuator>"#), "line 2, <motor> `m`: tendon=\"t\": there is no such tendon"),
-        (beside(r#"<tendon><fixed name="t" stiffness="2"/></tendon>"#), "line 2, <fixed> `t`: a tendon with `stiffness`"),
+        (
+            beside(r#"<actuator><motor name="m" tendon="t"/></actuator>"#),
+            "line 2, <motor> `m`: tendon=\"t\": there is no such tendon",
+        ),
+        (
+            beside(r#"<tendon><fixed name="t" stiffness="2"/></tendon>"#),
+            "line 2, <fixed> `t`: a tendon with `stiffness`",
+        ),
         (beside(r#"<deformable><flex name="f"/></deformable>"#), "line 2, <flex> `f`"),
         (beside(r#"<option viscosity=".1"/>"#), "line 2, <option>: viscosity"),
         (beside(r#"<option><flag contact="off"/></option>"#), "line 2, <flag>: contact=\"off\": it is one of"),
         (beside(r#"<include file="nowhere.xml"/>"#), "line 2, <include> `nowhere.xml`"),
-        (beside(r#"<keyframe><key name="k" qpos="1 2"/></keyframe>"#), "line 2, <key> `k`: qpos has 2 numbers; the file has 1"),
+        (
+            beside(r#"<keyframe><key name="k" qpos="1 2"/></keyframe>"#),
+            "line 2, <key> `k`: qpos has 2 numbers; the file has 1",
+        ),
         (format!("<mujoco>{}", "<body>".repeat(100_000)), "nested more than"),
         ("<mujoco><worldbody>".into(), "not an MJCF"),
     ] {
@@ -235,9 +276,12 @@ fn contacts_by_pair_are_written_as_pairs() {
     let system = crawler();
     let scene = system.scene("plane").expect("a world");
     let text = mjcf(&system, &scene, &[]).expect("written");
-    let of = |line: &str, key: &str| line.split(&format!(" {key}=\"")).nth(1).and_then(|rest| rest.split('"').next()).map(String::from);
+    let of = |line: &str, key: &str| {
+        line.split(&format!(" {key}=\"")).nth(1).and_then(|rest| rest.split('"').next()).map(String::from)
+    };
     let pairs: Vec<_> = text.lines().filter(|line| line.starts_with("<pair")).collect();
-    let told: Vec<_> = pairs.iter().map(|line| ["condim", "friction", "margin"].map(|key| of(line, key).expect("a number"))).collect();
+    let told: Vec<_> =
+        pairs.iter().map(|line| ["condim", "friction", "margin"].map(|key| of(line, key).expect("a number"))).collect();
     let expected = [
         ["6", "0.8 0.8 0.02 0.01 0.01", "0.002"],
         ["4", "0.8 0.8 0.02 0 0", "0.002"],
@@ -251,9 +295,18 @@ fn contacts_by_pair_are_written_as_pairs() {
     let soft: Vec<f64> = ours
         .lines()
         .filter(|line| line.starts_with("<pair"))
-        .map(|line| of(line, "solref").and_then(|x| x.split(' ').next().map(|k| k.parse::<f64>())).expect("a stiffness").expect("a number"))
+        .map(|line| {
+            of(line, "solref")
+                .and_then(|x| x.split(' ').next().map(|k| k.parse::<f64>()))
+                .expect("a stiffness")
+                .expect("a number")
+        })
         .collect();
-    let met = system.robot.contact_points.iter().filter_map(|point| Some(system.meeting(point, &scene.colliders[0])?.stiffness));
+    let met = system
+        .robot
+        .contact_points
+        .iter()
+        .filter_map(|point| Some(system.meeting(point, &scene.colliders[0])?.stiffness));
     let met: Vec<f64> = met.collect();
     // Stiffnesses of two mirrored legs.
     assert!((soft[0] / soft[1] / (met[0] / met[1]) - 1.0).abs() < 1e-9, "{soft:?}");

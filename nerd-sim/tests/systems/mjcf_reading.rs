@@ -15,7 +15,9 @@ fn read(text: &str) -> System {
 
 /// The arm's joint, as read with these defaults and this actuator.
 fn driven(defaults: &str, actuator: &str) -> JointSpec {
-    let text = format!("<mujoco><compiler angle=\"radian\"/><default>{defaults}</default>{ARM}<actuator>{actuator}</actuator></mujoco>");
+    let text = format!(
+        "<mujoco><compiler angle=\"radian\"/><default>{defaults}</default>{ARM}<actuator>{actuator}</actuator></mujoco>"
+    );
     read(&text).spec.joints[0].clone()
 }
 
@@ -47,7 +49,9 @@ fn a_damping_ratio_counts_from_the_joints_inertia() {
 /// A tendon over two fingers, one a follower of the other, acts on one coordinate.
 #[test]
 fn an_actuator_on_a_tendon_of_one_coordinate_is_read() {
-    let finger = |k: usize| format!(r#"<body pos="0 .{k} 0"><joint name="f{k}" type="slide" axis="0 1 0"/><geom size=".1"/></body>"#);
+    let finger = |k: usize| {
+        format!(r#"<body pos="0 .{k} 0"><joint name="f{k}" type="slide" axis="0 1 0"/><geom size=".1"/></body>"#)
+    };
     let text = format!(
         r#"<mujoco><worldbody>{}{}</worldbody><equality><joint joint1="f2" joint2="f1"/></equality><tendon><fixed name="t"><joint joint="f1" coef=".5"/>
         <joint joint="f2" coef=".5"/></fixed></tendon><actuator><position tendon="t" kp="100" kv="10" forcerange="-20 20"/></actuator></mujoco>"#,
@@ -61,8 +65,11 @@ fn an_actuator_on_a_tendon_of_one_coordinate_is_read() {
 /// A tendon of constant length makes one of its two joints follow the other. A joint with coefficient 0 takes no part.
 #[test]
 fn a_taut_tendon_of_two_joints_couples_them() {
-    let finger =
-        |k: usize| format!(r#"<body pos="0 .{k} 0"><joint name="f{k}" type="slide" axis="0 1 0" ref=".{k}"/><geom size=".1"/></body>"#);
+    let finger = |k: usize| {
+        format!(
+            r#"<body pos="0 .{k} 0"><joint name="f{k}" type="slide" axis="0 1 0" ref=".{k}"/><geom size=".1"/></body>"#
+        )
+    };
     let text = format!(
         r#"<mujoco><worldbody>{}{}{}</worldbody><tendon><fixed name="t"><joint joint="f1" coef="-.5"/><joint joint="f2" coef=".25"/></fixed>
         <fixed name="one"><joint joint="f1" coef="0"/><joint joint="f3" coef="2"/></fixed></tendon><equality><tendon tendon1="t" polycoef=".1"/></equality>
@@ -88,7 +95,8 @@ fn a_taut_tendon_of_two_joints_couples_them() {
 /// start may be as deep as the file's own pose.
 #[test]
 fn what_an_arm_is_bolted_to_is_in_its_scene() {
-    let corner = |k: usize| format!("{} {} {} ", 0.2 * (k & 1) as f64 - 0.1, 0.1 * (k & 2) as f64 - 0.1, 0.025 * (k & 4) as f64);
+    let corner =
+        |k: usize| format!("{} {} {} ", 0.2 * (k & 1) as f64 - 0.1, 0.1 * (k & 2) as f64 - 0.1, 0.025 * (k & 4) as f64);
     let block: String = (0..8).map(corner).collect();
     let file = |more: &str| {
         format!(
@@ -137,7 +145,10 @@ fn primitives_are_fitted_to_meshes() {
         let capsule = fitted("capsule", around);
         let ShapeKind::Capsule { radius, half_length } = capsule.kind else { panic!("no capsule") };
         let expected = if around { [0.2, 0.2] } else { [0.15, 0.325] };
-        assert!((radius - expected[0]).abs() + (half_length - expected[1]).abs() < 1e-7, "radius {radius}, half length {half_length}");
+        assert!(
+            (radius - expected[0]).abs() + (half_length - expected[1]).abs() < 1e-7,
+            "radius {radius}, half length {half_length}"
+        );
         assert!((capsule.pose.rotation * Vector3::z()).z.abs() > 1.0 - 1e-9, "it lies along another axis");
     }
 }
@@ -150,10 +161,16 @@ fn gravity_compensation_and_a_damped_root_act_as_said() {
         let system = read(&format!("<mujoco>{}</mujoco>", arm(gravcomp)));
         system.data().gravity_torque(&system.robot, &[0.7], &system.gravity())[0]
     };
-    assert!((holds(0.25) - 0.75 * holds(0.0)).abs() < 1e-12 && holds(1.0).abs() < 1e-12, "{} of {}", holds(0.25), holds(0.0));
+    assert!(
+        (holds(0.25) - 0.75 * holds(0.0)).abs() < 1e-12 && holds(1.0).abs() < 1e-12,
+        "{} of {}",
+        holds(0.25),
+        holds(0.0)
+    );
     let free = |joint: &str| {
-        let system =
-            read(&format!(r#"<mujoco><worldbody><body>{joint}<geom type="sphere" size=".1" mass="1.5"/></body></worldbody></mujoco>"#));
+        let system = read(&format!(
+            r#"<mujoco><worldbody><body>{joint}<geom type="sphere" size=".1" mass="1.5"/></body></worldbody></mujoco>"#
+        ));
         let mut state = system.default_state();
         state[10] = 2.0;
         let (q, qd) = system.robot.split(&state);
@@ -188,7 +205,11 @@ fn an_open_mesh_has_the_inertia_of_the_compiler() {
     let own = read(&text).robot.links[0].inertia;
     let mut moments: Vec<f64> = own.inertia.symmetric_eigenvalues().iter().copied().collect();
     moments.sort_by(f64::total_cmp);
-    let off = moments.iter().zip([123.97539062, 123.97539062, 147.08333333]).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max);
+    let off = moments
+        .iter()
+        .zip([123.97539062, 123.97539062, 147.08333333])
+        .map(|(a, b)| (a / b - 1.0).abs())
+        .fold(0.0, f64::max);
     assert!((own.mass - 804.1666666666666).abs() < 1e-9 && (own.com.z - 0.4125).abs() < 1e-12, "{own:?}");
     assert!(off < 1e-9, "moments {moments:?}");
 }
@@ -198,7 +219,11 @@ fn a_range_without_width_is_none() {
     let limit = |joint: &str| {
         let body = ARM.replace("<joint ", &format!("<joint {joint} "));
         let class = r#"<default><joint range="0 1"/></default>"#;
-        read(&format!("<mujoco><compiler angle=\"radian\"/>{class}{body}</mujoco>")).robot.joints().next().and_then(|j| j.limit)
+        read(&format!("<mujoco><compiler angle=\"radian\"/>{class}{body}</mujoco>"))
+            .robot
+            .joints()
+            .next()
+            .and_then(|j| j.limit)
     };
     assert_eq!(limit("").map(|l| [l.lower, l.upper]), Some([0.0, 1.0]));
     assert!(limit(r#"range="0 0""#).is_none() && limit(r#"range="2 1""#).is_none());
@@ -218,7 +243,10 @@ fn sites_and_bodies_have_the_frames_of_the_file() {
     let at = |name: &str| system.robot.pose(&[0.0], &system.robot.frame(name).expect("a frame"));
     assert!((at("arm").translation.vector - Vector3::new(0.2, 0.0, 1.0)).norm() < 1e-12, "{}", at("arm"));
     assert!((at("s").translation.vector - Vector3::new(0.2, 0.0, 1.1)).norm() < 1e-12, "{}", at("s"));
-    assert!((at("s").rotation * Vector3::z() + Vector3::x()).norm() < 1e-12, "z points from its second end to its first");
+    assert!(
+        (at("s").rotation * Vector3::z() + Vector3::x()).norm() < 1e-12,
+        "z points from its second end to its first"
+    );
 }
 
 /// Files include others from their own folders, with meshes beside the included file. The brick's mass is its mesh's.
@@ -231,10 +259,14 @@ fn included_files_find_what_lies_beside_them() {
         std::fs::write(&path, text).expect("written");
         path.display().to_string()
     };
-    let corner = |k: usize| format!("v {} {} {}\n", 0.1 * (k & 1) as f64, 0.1 * (k >> 1 & 1) as f64, 0.1 * (k >> 2) as f64);
+    let corner =
+        |k: usize| format!("v {} {} {}\n", 0.1 * (k & 1) as f64, 0.1 * (k >> 1 & 1) as f64, 0.1 * (k >> 2) as f64);
     let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
     write("kit/brick.obj", &((0..8).map(corner).collect::<String>() + faces));
-    write("kit/inner.xml", r#"<mujocoinclude><asset><mesh file="brick.obj" smoothnormal="true"/></asset></mujocoinclude>"#);
+    write(
+        "kit/inner.xml",
+        r#"<mujocoinclude><asset><mesh file="brick.obj" smoothnormal="true"/></asset></mujocoinclude>"#,
+    );
     let body = r#"<body name="brick" pos="0 0 .05"><freejoint/><geom type="mesh" mesh="brick" density="500"/></body>"#;
     write("kit/outer.xml", &format!(r#"<mujoco><include file="inner.xml"/><worldbody>{body}</worldbody></mujoco>"#));
     let main = write("main.xml", r#"<mujoco><compiler meshdir="away"/><include file="kit/outer.xml"/></mujoco>"#);
@@ -242,7 +274,10 @@ fn included_files_find_what_lies_beside_them() {
     let own = system.robot.links[0].inertia;
     // Vertices are in f32.
     let edge = f64::from(0.1f32);
-    assert!((own.mass - 500.0 * edge.powi(3)).abs() < 1e-12 && (own.com - Vector3::repeat(0.5 * edge)).norm() < 1e-12, "{own:?}");
+    assert!(
+        (own.mass - 500.0 * edge.powi(3)).abs() < 1e-12 && (own.com - Vector3::repeat(0.5 * edge)).norm() < 1e-12,
+        "{own:?}"
+    );
     assert!((own.inertia - Matrix3::identity() * (own.mass * edge * edge / 6.0)).amax() < 1e-12, "{own:?}");
     assert!(!system.robot.contact_points.is_empty());
     // Named from the working directory, it is the same robot.
@@ -286,7 +321,8 @@ fn copies_and_attached_models_are_written_out() {
     let spokes = r#"<mujoco><worldbody><replicate count="4" euler="0 0 90" sep="-"><body name="spoke" pos="1 0 0"><joint name="j" axis="0 1 0"/><geom size=".1"/></body>
         </replicate></worldbody><actuator><motor name="m" joint="j" gear="7" ctrlrange="-1 1"/></actuator></mujoco>"#;
     let system = read(spokes);
-    let place = |name: &str| system.robot.pose(&[0.0; 4], &system.robot.frame(name).expect("a body")).translation.vector;
+    let place =
+        |name: &str| system.robot.pose(&[0.0; 4], &system.robot.frame(name).expect("a body")).translation.vector;
     assert!((place("spoke-3") - Vector3::new(0.0, -1.0, 0.0)).norm() < 1e-12, "{}", place("spoke-3"));
     assert!(system.spec.joints.iter().all(|joint| joint.gain == Some(7.0)));
     let folder = tempfile::tempdir().expect("a folder");

@@ -60,10 +60,18 @@ const WRONG: [(&str, &str, &str); 60] = [
     ("kv=\"1\"", "kv=\"1\" dampratio=\"1\"", "`dampratio` and `kv` exclude each other"),
     ("joint=\"turn\"/><framepos", "joint=\"\"/><framepos", "its `joint` is empty"),
     // Names that are not there.
-    ("\"wood\" user", "\"wod\" user", "line 7, <geom> `rod`: material=\"wod\": there is no such material; is `wood` meant?"),
+    (
+        "\"wood\" user",
+        "\"wod\" user",
+        "line 7, <geom> `rod`: material=\"wod\": there is no such material; is `wood` meant?",
+    ),
     ("texture=\"grain\"", "texture=\"grown\"", "texture=\"grown\": there is no such texture"),
     ("target=\"arm\"", "target=\"leg\"", "target=\"leg\": there is no such body"),
-    ("<geom solref=\".01 1\"/>", "<geom material=\"glass\"/>", "<geom> `foot`: material=\"glass\": there is no such material"),
+    (
+        "<geom solref=\".01 1\"/>",
+        "<geom material=\"glass\"/>",
+        "<geom> `foot`: material=\"glass\": there is no such material",
+    ),
     ("class=\"hard\"/>\n", "class=\"soft\"/>\n", "line 6, <light> `soft`: there is no default class `soft`"),
     ("childclass=\"hard\"", "childclass=\"\"", "there is no default class ``"),
     ("joint=\"turn\" coef", "joint=\"turm\" coef", "joint=\"turm\": there is no such hinge or slide; is `turn` meant?"),
@@ -88,13 +96,25 @@ const WRONG: [(&str, &str, &str); 60] = [
     // The world, masses, ranges.
     ("<worldbody>", "<worldbody pos=\"0 0 1\">", "the world has no attributes; leave `pos` out"),
     ("<worldbody>", "<worldbody><inertial pos=\"0 0 0\" mass=\"1\"/>", "the world has no inertia"),
-    ("size=\".1\" material", "size=\".1\" mass=\"0\" material", "line 7, <body> `arm`: it moves, and has no mass or no inertia"),
+    (
+        "size=\".1\" material",
+        "size=\".1\" mass=\"0\" material",
+        "line 7, <body> `arm`: it moves, and has no mass or no inertia",
+    ),
     ("ctrlrange=\"-1 1\"", "ctrlrange=\"1 1\" ctrllimited=\"true\"", "has no width"),
     (" width=\"4\"", "", "line 4, <texture> `grain`: a builtin texture needs a width above zero"),
     ("<site name=\"tip\"/>", "<site name=\"tip\" type=\"box\" size=\"1 0 1\"/>", "numbers above zero are needed"),
-    ("<compiler", "<size nuser_geom=\"1\"/><compiler", "<geom> `rod`: user has 2 numbers, and <size> lets a geom have 1"),
+    (
+        "<compiler",
+        "<size nuser_geom=\"1\"/><compiler",
+        "<geom> `rod`: user has 2 numbers, and <size> lets a geom have 1",
+    ),
     ("joint=\"lift\" ctrl", "joint=\"lift\" site=\"tip\" ctrl", "joint and site are its targets; write one"),
-    ("joint=\"turn\" coef=\"2\"/>", "joint=\"turn\" coef=\"2\"/><joint joint=\"turn\" coef=\"1\"/>", "the tendon has this joint twice"),
+    (
+        "joint=\"turn\" coef=\"2\"/>",
+        "joint=\"turn\" coef=\"2\"/><joint joint=\"turn\" coef=\"1\"/>",
+        "the tendon has this joint twice",
+    ),
     ("joint2=\"lift\"", "joint2=\"turn\"", "joint1 and joint2 are the same"),
 ];
 
@@ -146,6 +166,9 @@ fn copies_are_spoken_of_by_both_names() {
     for sensor in [r#"<jointpos joint="j"/>"#, r#"<jointpos joint="j1"/>"#, r#"<actuatorpos actuator="m0"/>"#] {
         System::from_text("r", &text(sensor), None).unwrap_or_else(|e| panic!("{sensor}: {e}"));
     }
-    let said = System::from_text("r", &text(r#"<jointpos joint="j2"/>"#), None).err().map(|e| e.to_string()).unwrap_or_default();
+    let said = System::from_text("r", &text(r#"<jointpos joint="j2"/>"#), None)
+        .err()
+        .map(|e| e.to_string())
+        .unwrap_or_default();
     assert!(said.contains("joint=\"j2\": there is no such hinge or slide"), "`{said}`");
 }

@@ -11,14 +11,28 @@ fn range(text: &str) -> Result<Range, String> {
 #[test]
 fn numbers_multiples_of_pi_and_fractions() {
     let pi = std::f64::consts::PI;
-    for (text, low, high) in
-        [("U(-pi, pi)", -pi, pi), (" U( -2pi ,5pi/9 ) ", -2.0 * pi, 5.0 * pi / 9.0), ("U(1/4, 1e3)", 0.25, 1e3), ("U(0, 0)", 0.0, 0.0)]
-    {
+    for (text, low, high) in [
+        ("U(-pi, pi)", -pi, pi),
+        (" U( -2pi ,5pi/9 ) ", -2.0 * pi, 5.0 * pi / 9.0),
+        ("U(1/4, 1e3)", 0.25, 1e3),
+        ("U(0, 0)", 0.0, 0.0),
+    ] {
         assert_eq!(range(text), Ok(Range { low, high }), "{text}");
     }
-    for text in
-        ["", "U", "U(", "U()", "U(1)", "U(2, 1)", "U(nan, 1)", "U(0, inf)", "U(0, 1/0)", "U(0, 1/1/1)", "U(-1e308, 1e308)", "N(0, 1)"]
-    {
+    for text in [
+        "",
+        "U",
+        "U(",
+        "U()",
+        "U(1)",
+        "U(2, 1)",
+        "U(nan, 1)",
+        "U(0, inf)",
+        "U(0, 1/0)",
+        "U(0, 1/1/1)",
+        "U(-1e308, 1e308)",
+        "N(0, 1)",
+    ] {
         assert!(range(text).is_err(), "{text} is read as {:?}", range(text));
     }
     // As long as a file can be: no recursion.

@@ -54,7 +54,9 @@ fn plain(start: &[f64], act: impl Fn(usize, &[f64]) -> Vec<f64>) -> Vec<Vec<f64>
 #[test]
 fn torques_come_late_and_weak() {
     let before = |frame: usize, k: usize| if frame < k { vec![0.0; 2] } else { asked(frame - k) };
-    for (delay, [now, one, two]) in [(0.25, [0.75, 0.25, 0.0]), (1.0, [0.0, 1.0, 0.0]), (1.5, [0.0, 0.5, 0.5]), (2.0, [0.0, 0.0, 1.0])] {
+    for (delay, [now, one, two]) in
+        [(0.25, [0.75, 0.25, 0.0]), (1.0, [0.0, 1.0, 0.0]), (1.5, [0.0, 0.5, 0.5]), (2.0, [0.0, 0.0, 1.0])]
+    {
         let own = pendulum(VarySpec { delay: just(delay), strength: just(0.85), ..Default::default() });
         let late = |frame: usize, _: &[f64]| -> Vec<f64> {
             let rows = [before(frame, 0), before(frame, 1), before(frame, 2)];
@@ -80,7 +82,8 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
         }
     }
     let own = pendulum(VarySpec { ripple: just(40.0), ..Default::default() });
-    let ripple = |frame: usize, state: &[f64]| (0..2).map(|j| asked(frame)[j] + 40.0 * (6.0 * state[j]).sin()).collect();
+    let ripple =
+        |frame: usize, state: &[f64]| (0..2).map(|j| asked(frame)[j] + 40.0 * (6.0 * state[j]).sin()).collect();
     let (found, expected) = (behind(&own, FRAMES), plain(&START, ripple));
     assert_eq!(found, expected, "a ripple is the sine of six turns");
 }
@@ -89,17 +92,25 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
 #[test]
 fn torque_falls_with_speed_along_a_line() {
     let own = pendulum(VarySpec { top_speed: just(8.0), ..Default::default() });
-    let most: Vec<f64> = own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect();
+    let most: Vec<f64> =
+        own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect();
     let mut broken = at(&built_in("pendulum"), "free", &[0.3, -1.2, f64::NAN, 1.0]);
     broken.systems = vec![own.clone()];
     let said = Rig::new(solver()).step(&mut broken, &[1.0, 1.0]).expect_err("a speed is NaN").to_string();
     assert!(said.contains("NaN"), "{said}");
-    for (speed, side, share) in
-        [(0.0, 1.0, 1.0), (4.0, 1.0, 0.5), (8.0, 1.0, 0.0), (20.0, 1.0, 0.0), (4.0, -1.0, 1.0), (-2.0, 1.0, 1.0), (-2.0, -1.0, 0.75)]
-    {
+    for (speed, side, share) in [
+        (0.0, 1.0, 1.0),
+        (4.0, 1.0, 0.5),
+        (8.0, 1.0, 0.0),
+        (20.0, 1.0, 0.0),
+        (4.0, -1.0, 1.0),
+        (-2.0, 1.0, 1.0),
+        (-2.0, -1.0, 0.75),
+    ] {
         let start = [0.3, -1.2, speed, speed];
         let (mut solver, mut bare) = (Rig::new(solver()), solver());
-        let [mut found, mut expected] = [at(&built_in("pendulum"), "free", &start), at(&built_in("pendulum"), "free", &start)];
+        let [mut found, mut expected] =
+            [at(&built_in("pendulum"), "free", &start), at(&built_in("pendulum"), "free", &start)];
         found.systems = vec![own.clone()];
         let torques = |share: f64| most.iter().map(|most| side * share * most).collect::<Vec<_>>();
         solver.step(&mut found, &torques(3.0)).expect("it can be stepped");
@@ -114,8 +125,11 @@ fn torque_falls_with_speed_along_a_line() {
 fn what_brakes_joints_is_as_in_a_file() {
     let (toml, urdf) = System::texts("pendulum").expect("built in");
     let urdf = urdf.replace("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 1\"/><dynamics damping=\"7\" friction=\"11\"/>");
-    let written = Arc::new(System::from_text("pendulum", &urdf, Some(&toml.replace("armature = 0.01", "armature = 0.51"))).expect("right"));
-    let own = pendulum(VarySpec { damping: just(7.0), dry_friction: just(11.0), armature: just(0.5), ..Default::default() });
+    let written = Arc::new(
+        System::from_text("pendulum", &urdf, Some(&toml.replace("armature = 0.01", "armature = 0.51"))).expect("right"),
+    );
+    let own =
+        pendulum(VarySpec { damping: just(7.0), dry_friction: just(11.0), armature: just(0.5), ..Default::default() });
     let mut batch = at(&written, "free", &START);
     let mut solver = solver();
     let step = |frame| {
@@ -177,13 +191,17 @@ fn memory_and_refusals() {
 fn what_is_told() {
     let range = |low, high| Some(Range { low, high });
     let mut system = (*built_in("pendulum")).clone();
-    system.spec.vary = Some(VarySpec { mass: range(0.7, 1.3), ripple: range(0.0, 9.0), delay: range(0.0, 2.0), ..Default::default() });
+    system.spec.vary =
+        Some(VarySpec { mass: range(0.7, 1.3), ripple: range(0.0, 9.0), delay: range(0.0, 2.0), ..Default::default() });
     let (system, told) = (Arc::new(system.clone()), Told::new(&system));
     let names = ["mass:link1", "mass:link2", "ripple:joint1", "ripple:joint2", "delay"];
     assert_eq!(columns(&system), names);
     let close = |drawn: &[f64], expected: [f64; 3]| {
         let found: Vec<f64> = told.numbers(drawn).collect();
-        assert!(found.len() == told.count() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12), "{drawn:?}: {found:?}");
+        assert!(
+            found.len() == told.count() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{drawn:?}: {found:?}"
+        );
     };
     close(&[0.7, 1.3, 5.0, 5.0, 0.5], [-1.0, 1.0, -0.5]);
     close(&[], [0.0, 0.0, -1.0]);

@@ -23,7 +23,9 @@ fn masses_joints_and_contact_points_are_the_references() {
 /// The reference's files hold actions (`a_*`) beside the torques that its controllers computed from them.
 #[test]
 fn controllers_are_the_references() {
-    for (robot, file) in [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")] {
+    for (robot, file) in
+        [("franka", "franka_pd_random_action_warp1.8.1.csv"), ("anymal-paper", "anymal_random_action_warp1.8.1.csv")]
+    {
         let Some(table) = Reference::read(file) else { return };
         let system = built_in(robot);
         let mut controller = Controller::new(&system);
@@ -34,7 +36,10 @@ fn controllers_are_the_references() {
         for row in &table.rows {
             let numbers = |places: &[usize]| places.iter().map(|i| row[*i]).collect::<Option<Vec<_>>>();
             // The last row of a trajectory has no action.
-            let (Some(state), Some(action), Some(expected)) = (numbers(&states), numbers(&actions), numbers(&torques)) else { continue };
+            let (Some(state), Some(action), Some(expected)) = (numbers(&states), numbers(&actions), numbers(&torques))
+            else {
+                continue;
+            };
             controller.torques(&state, &action, &mut out);
             worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
             rows += 1;
@@ -49,7 +54,8 @@ fn starts_keep_to_their_boxes() {
         for name in ["ant", "ant-paper", "anymal"] {
             let system = built_in(name);
             let (state, nq) = (start(&system, Start::Sample, &mut stream(0, env)), system.robot.nq());
-            let (p, q, w, v) = (vector(&state[..3]), quaternion(&state[3..7]), vector(&state[nq..]), vector(&state[nq + 3..]));
+            let (p, q, w, v) =
+                (vector(&state[..3]), quaternion(&state[3..7]), vector(&state[nq..]), vector(&state[nq + 3..]));
             let said = &system.spec.root.as_ref().expect("a free root").sample;
             let within = |x: &Vector3<f64>, ranges: &[Range; 3]| {
                 x.iter().zip(ranges).all(|(x, range)| (range.low - 1e-12..range.high + 1e-12).contains(x))
@@ -82,7 +88,10 @@ fn every_robot_is_recorded() {
         let driven = recording.torques.iter().any(|t| *t != 0.0);
         assert_eq!(driven, system.robot.joint_count() > 0, "{name}: torques");
         let nearest = recording.depths.iter().fold(f64::INFINITY, |a, b| a.min(*b));
-        assert!(system.spec.data_scene.is_none() || nearest < 0.1, "{name}: nothing comes nearer to the ground than {nearest} m");
+        assert!(
+            system.spec.data_scene.is_none() || nearest < 0.1,
+            "{name}: nothing comes nearer to the ground than {nearest} m"
+        );
     }
 }
 
@@ -96,8 +105,12 @@ fn a_clearance_that_no_start_has_is_refused() {
         keys(true, 9.81)
     );
     let system = System::from_text("ball", &ball, Some(&toml)).expect("some starts are clear");
-    let lowest = (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
-    assert!((0.3..0.35).contains(&lowest), "lowest of 200 starts {lowest} m, the contact law's distance is to the centre");
+    let lowest =
+        (0..200).map(|env| start(&system, Start::Sample, &mut stream(0, env))[2]).fold(f64::INFINITY, f64::min);
+    assert!(
+        (0.3..0.35).contains(&lowest),
+        "lowest of 200 starts {lowest} m, the contact law's distance is to the centre"
+    );
     let error = line(System::from_text("ball", &ball, Some(&changed(&toml, "clearance = 0.3", "clearance = 0.6"))));
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }
@@ -107,7 +120,8 @@ fn a_clearance_that_no_start_has_is_refused() {
 fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
     for (name, force) in [("pendulum", 30.0), ("ant", 30.0), ("anymal", 30.0), ("cube", 1.7)] {
         let system = built_in(name);
-        let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+        let ground =
+            system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
         let creep = force / ground.colliders[0].material.mean(&system.spec.material).friction_damping;
         assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
     }

@@ -45,7 +45,8 @@ impl Stance {
     fn place(&self, link: &str, at: [f64; 3]) -> Vector3<f64> {
         let mut data = self.0.data();
         kinematics(&self.0.robot, &self.1, &mut data);
-        point_position(&data, self.0.robot.link(link).expect("a link"), &at.into()) - Vector3::from_column_slice(&self.1[..3])
+        point_position(&data, self.0.robot.link(link).expect("a link"), &at.into())
+            - Vector3::from_column_slice(&self.1[..3])
     }
 }
 
@@ -68,7 +69,10 @@ fn legs_that_cannot_be_straight_are_bent_until_feet_are_below_hips() {
     for most in [0.0, -2f64.to_radians()] {
         let straight = biped(most);
         let pose = ["left_thigh", "left_calf", "right_thigh", "right_calf"].map(|name| straight.joint(name));
-        assert!(pose.iter().zip([0.0, most, 0.0, most]).all(|(q, asked)| (q - asked).abs() < 1e-12), "knees that reach {most}: {pose:?}");
+        assert!(
+            pose.iter().zip([0.0, most, 0.0, most]).all(|(q, asked)| (q - asked).abs() < 1e-12),
+            "knees that reach {most}: {pose:?}"
+        );
     }
 }
 
@@ -94,9 +98,13 @@ fn below_a_waist_legs_bend_alike_and_the_waist_stays() {
     for still in ["turn", "bow", "sway", "left_arm", "right_arm"] {
         assert_eq!(stance.joint(still), 0.0, "{still}");
     }
-    let [hands, knees, thighs] = ["hand", "calf", "thigh"].map(|part| ["left", "right"].map(|s| stance.joint(&format!("{s}_{part}"))));
+    let [hands, knees, thighs] =
+        ["hand", "calf", "thigh"].map(|part| ["left", "right"].map(|s| stance.joint(&format!("{s}_{part}"))));
     assert_eq!(hands, [-0.5; 2], "arms stay where they are nearest to zero");
-    assert!((knees[0] + knees[1]).abs() < 1.5e-3 && knees[0] < -0.8 && (thighs[0] - thighs[1]).abs() < 1.5e-3, "{knees:?}, {thighs:?}");
+    assert!(
+        (knees[0] + knees[1]).abs() < 1.5e-3 && knees[0] < -0.8 && (thighs[0] - thighs[1]).abs() < 1.5e-3,
+        "{knees:?}, {thighs:?}"
+    );
     let feet = ["left_calf", "right_calf"].map(|calf| stance.place(calf, FOOT));
     assert!((feet[0].z - feet[1].z).abs() < 1e-3 && feet.iter().all(|foot| foot.x.abs() < 1e-3), "feet at {feet:?}");
 }
@@ -112,9 +120,11 @@ fn four_legs_on_two_ends_of_a_spine_stand_on_one_ground() {
     }
     let stance = Stance::of(&parts);
     assert_eq!(stance.joint("spine"), 0.0);
-    let feet = ["front_left", "front_right", "hind_left", "hind_right"].map(|leg| stance.place(&format!("{leg}_calf"), FOOT));
+    let feet =
+        ["front_left", "front_right", "hind_left", "hind_right"].map(|leg| stance.place(&format!("{leg}_calf"), FOOT));
     let ahead = [0.2, 0.2, -0.4, -0.4];
-    let off = feet.iter().zip(ahead).map(|(foot, x)| (foot.z - feet[0].z).abs().max((foot.x - x).abs())).fold(0.0, f64::max);
+    let off =
+        feet.iter().zip(ahead).map(|(foot, x)| (foot.z - feet[0].z).abs().max((foot.x - x).abs())).fold(0.0, f64::max);
     assert!(off < 1e-3, "feet at {feet:?}");
 }
 
@@ -138,6 +148,10 @@ fn a_foot_on_an_ankle_stays_level_and_a_wheel_unturned() {
         let middle = 0.5 * (heel + toe);
         assert!((heel.z - toe.z).abs() < 1e-3 && middle.x.abs() < 1e-3, "{foot}: heel {heel:?}, toe {toe:?}");
         let hub = wheels.place(foot, [0.0; 3]);
-        assert!(wheels.joint(foot) == 0.0 && hub.x.abs() < 1e-3 && hub.z > -0.4, "{foot} turned by {}, at {hub:?}", wheels.joint(foot));
+        assert!(
+            wheels.joint(foot) == 0.0 && hub.x.abs() < 1e-3 && hub.z > -0.4,
+            "{foot} turned by {}, at {hub:?}",
+            wheels.joint(foot)
+        );
     }
 }

@@ -4,13 +4,19 @@ use super::common::*;
 
 /// A floating body with a hinge and a rail.
 fn all() -> String {
-    let limits = |lower: &str, upper: &str| format!(r#"<limit lower="{lower}" upper="{upper}" effort="10" velocity="5"/>"#);
+    let limits =
+        |lower: &str, upper: &str| format!(r#"<limit lower="{lower}" upper="{upper}" effort="10" velocity="5"/>"#);
     urdf(&[
         link("body", 2.0, [0.0; 3], [0.1; 3], &collision([0.0; 3], r#"<sphere radius="0.1"/>"#)),
         link("arm", 1.0, [0.1, 0.0, 0.0], [0.01; 3], ""),
         link("cart", 1.0, [0.0; 3], [0.01; 3], ""),
         joint("hinge", "revolute", ["body", "arm"], &(r#"<axis xyz="0 1 0"/>"#.to_string() + &limits("-1", "1"))),
-        joint("rail", "prismatic", ["arm", "cart"], &(r#"<origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>"#.to_string() + &limits("0", "0.1"))),
+        joint(
+            "rail",
+            "prismatic",
+            ["arm", "cart"],
+            &(r#"<origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>"#.to_string() + &limits("0", "0.1")),
+        ),
     ])
 }
 
@@ -79,7 +85,8 @@ fn numbers() -> Vec<(std::ops::Range<usize>, String)> {
         if word.parse::<f64>().is_ok() {
             // Entries of a vector or a table belong to the last word before an equals sign.
             let key = TOML[..at].rsplit_once(" =").map(|(before, _)| before);
-            let key = key.and_then(|b| b.rsplit(|c: char| !(c.is_ascii_alphabetic() || c == '_')).next()).unwrap_or_default();
+            let key =
+                key.and_then(|b| b.rsplit(|c: char| !(c.is_ascii_alphabetic() || c == '_')).next()).unwrap_or_default();
             found.push((at..at + word.len(), key.to_string()));
         }
         at += word.len().max(1);
@@ -112,7 +119,11 @@ fn words_are_looked_at() {
         ("\"1/60\"", "\"1e-300\"", "frame_time"),
         ("\"1/60\"", "\"0/1\"", "frame_time"),
         ("\"1/60\"", "\"1/1/1\"", "frame_time"),
-        ("armature = 0.01", "armature = -1", "name = \"hinge\": armature is -1 kg m^2; a number from 0 to 1000000 is needed"),
+        (
+            "armature = 0.01",
+            "armature = -1",
+            "name = \"hinge\": armature is -1 kg m^2; a number from 0 to 1000000 is needed",
+        ),
         ("kp = \"U(1, 2)\"", "kp = \"U(-1, 2)\"", "data.kp"),
         ("kp = \"U(1, 2)\"", "kp = \"U(2, 1)\"", "kp"),
         ("minus = \"hinge\"", "minus = \"hing\"", "minus"),

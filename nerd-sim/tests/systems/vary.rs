@@ -102,7 +102,11 @@ fn data_keep_what_was_drawn() {
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
     let recording = record(&system, &mut solver, &config, 0, 4).expect("it can be recorded");
     assert_eq!(recording.drawn.len(), 8);
-    assert!(recording.drawn.chunks(2).all(|d| (0.5..2.0).contains(&d[0]) && (0.2..1.0).contains(&d[1])), "{:?}", recording.drawn);
+    assert!(
+        recording.drawn.chunks(2).all(|d| (0.5..2.0).contains(&d[0]) && (0.2..1.0).contains(&d[1])),
+        "{:?}",
+        recording.drawn
+    );
     let plain = built_in("cube");
     let old = record(&plain, &mut solver, &config, 0, 4).expect("it can be recorded");
     let d = system.robot.state_dim();
@@ -112,8 +116,10 @@ fn data_keep_what_was_drawn() {
     // Written to shards and read back.
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let manifest = generate(&system, &mut solver, "accurate", &config, folder, &mut |_, _| {}).expect("it can be written");
-    let read = Manifest::read(folder).and_then(|m| m.shard(folder, &manifest.shards[0], &system)).expect("it can be read");
+    let manifest =
+        generate(&system, &mut solver, "accurate", &config, folder, &mut |_, _| {}).expect("it can be written");
+    let read =
+        Manifest::read(folder).and_then(|m| m.shard(folder, &manifest.shards[0], &system)).expect("it can be read");
     assert_eq!(read, recording);
     let refused = line(manifest.shard(folder, &manifest.shards[0], &plain));
     assert!(refused.contains("system"), "{refused}");
@@ -123,7 +129,8 @@ fn data_keep_what_was_drawn() {
 #[test]
 fn sensors_with_noise_show_it() {
     let noisy = |size: f64| varied("pendulum", VarySpec { noise: between(size, size), ..Default::default() });
-    let (system, config) = (noisy(0.003), GenerateConfig { transitions: 1600, shard_trajectories: 16, hold: 4, ..Default::default() });
+    let (system, config) =
+        (noisy(0.003), GenerateConfig { transitions: 1600, shard_trajectories: 16, hold: 4, ..Default::default() });
     let record = |system: &Arc<System>, first, count| {
         record(system, &mut *Truth::Articulated.solver(system), &config, first, count).expect("it can be recorded")
     };
@@ -131,12 +138,16 @@ fn sensors_with_noise_show_it() {
     assert!(vary::columns(&system) == ["noise"] && all.drawn == [0.003; 16]);
     for (k, size) in [(0, 0.003), (1, 0.003), (2, 0.003 / system.frame_time), (3, 0.003 / system.frame_time)] {
         let gap = |row: usize| all.shown[4 * row + k] - all.states[4 * (row + row / 100) + k];
-        let gaps: Vec<f64> = (0..1600).map(gap).map(|x| if k < 2 { nerd_core::state::wrap(x) / size } else { x / size }).collect();
+        let gaps: Vec<f64> =
+            (0..1600).map(gap).map(|x| if k < 2 { nerd_core::state::wrap(x) / size } else { x / size }).collect();
         let mean = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / 1600.0;
         let [shift, square] = [mean(&mut gaps.iter().copied()), mean(&mut gaps.iter().map(|x| x * x))];
         let next = mean(&mut gaps.windows(2).map(|x| x[0] * x[1]));
         // About four standard errors each.
-        assert!(shift.abs() < 0.1 && (square - 1.0).abs() < 0.15 && next.abs() < 0.1, "number {k}: {shift}, {square}, {next}");
+        assert!(
+            shift.abs() < 0.1 && (square - 1.0).abs() < 0.15 && next.abs() < 0.1,
+            "number {k}: {shift}, {square}, {next}"
+        );
     }
     let part = record(&system, 5, 2);
     assert_eq!(part.shown, all.shown[5 * 400..7 * 400]);
@@ -145,7 +156,8 @@ fn sensors_with_noise_show_it() {
     let plain = varied("pendulum", VarySpec::default());
     assert!(record(&plain, 0, 16).shown.is_empty() && plain.sha256() != system.sha256());
     let folder = tempfile::tempdir().expect("a folder");
-    let made = generate(&system, &mut *Truth::Articulated.solver(&system), "accurate", &config, folder.path(), &mut |_, _| {});
+    let made =
+        generate(&system, &mut *Truth::Articulated.solver(&system), "accurate", &config, folder.path(), &mut |_, _| {});
     let read = made.and_then(|m| Ok(m.shard(folder.path(), &m.shards[0], &system)?)).expect("it can be read");
     assert!(read == all);
     let said = nerd_sim::dataset::Recording { shown: Vec::new(), ..all }.check(&system).expect_err("nothing is shown");
@@ -156,7 +168,14 @@ fn sensors_with_noise_show_it() {
 #[test]
 fn a_free_root_is_measured_with_noise() {
     let noisy = |place: f64, turn: f64| {
-        varied("cube", VarySpec { root_noise: between(place, place), orientation_noise: between(turn, turn), ..Default::default() })
+        varied(
+            "cube",
+            VarySpec {
+                root_noise: between(place, place),
+                orientation_noise: between(turn, turn),
+                ..Default::default()
+            },
+        )
     };
     let record = |system: &Arc<System>| {
         let config = GenerateConfig { transitions: 1600, shard_trajectories: 16, ..Default::default() };
@@ -165,7 +184,9 @@ fn a_free_root_is_measured_with_noise() {
     let (system, still) = (noisy(1e-3, 5e-3), record(&noisy(0.0, 0.0)));
     let (all, dt) = (record(&system), system.frame_time);
     assert!(
-        vary::columns(&system) == ["root_noise", "orientation_noise"] && all.states == still.states && still.shown.len() == all.shown.len()
+        vary::columns(&system) == ["root_noise", "orientation_noise"]
+            && all.states == still.states
+            && still.shown.len() == all.shown.len()
     );
     let mut squares = [0.0; 4];
     for row in 0..1600 {
@@ -174,30 +195,43 @@ fn a_free_root_is_measured_with_noise() {
             (p, quaternion(&x[3..7]), w, vector(&x[10..13]) + w.cross(&p))
         };
         let at = row + row / 100;
-        let ((p, q, w, v), (p0, q0, w0, v0)) = (local(&all.shown[13 * row..][..13]), local(&all.states[13 * at..][..13]));
-        let gaps = [(p - p0) / 1e-3, (q0.inverse() * q).scaled_axis() / 5e-3, (v - v0) * dt / 1e-3, (w - w0) * dt / 5e-3];
+        let ((p, q, w, v), (p0, q0, w0, v0)) =
+            (local(&all.shown[13 * row..][..13]), local(&all.states[13 * at..][..13]));
+        let gaps =
+            [(p - p0) / 1e-3, (q0.inverse() * q).scaled_axis() / 5e-3, (v - v0) * dt / 1e-3, (w - w0) * dt / 5e-3];
         squares.iter_mut().zip(gaps).for_each(|(sum, gap)| *sum += gap.norm_squared() / 4800.0);
     }
     // About four standard errors.
     assert!(squares.iter().all(|s| (s - 1.0).abs() < 0.08), "{squares:?}");
     let fixed = System::texts("pendulum").expect("built in");
-    let said = line(System::from_text("pendulum", fixed.1, Some(&format!("{}\n[vary]\norientation_noise = \"U(0, 0.1)\"\n", fixed.0))));
+    let said = line(System::from_text(
+        "pendulum",
+        fixed.1,
+        Some(&format!("{}\n[vary]\norientation_noise = \"U(0, 0.1)\"\n", fixed.0)),
+    ));
     assert!(said.contains("vary.orientation_noise: the robot's root is not free"), "{said}");
 }
 
 #[test]
 fn contacts_of_a_family_are_as_stiff_and_damped_as_drawn() {
-    let system = varied("cube", VarySpec { stiffness: between(0.5, 2.0), contact_damping: between(0.5, 2.0), ..Default::default() });
+    let system = varied(
+        "cube",
+        VarySpec { stiffness: between(0.5, 2.0), contact_damping: between(0.5, 2.0), ..Default::default() },
+    );
     let (own, drawn) = vary::draw(&system, &mut nerd_sim::sampling::stream(3, 0));
     let ([now, was], [stiffer, damped]) = ([own.spec.material, system.spec.material], [drawn[0], drawn[1]]);
     let apart = (now.stiffness / was.stiffness - stiffer).abs() + (now.damping / was.damping - stiffer * damped).abs();
-    assert!(vary::columns(&system) == ["stiffness", "contact_damping"] && apart < 1e-12 && stiffer != damped, "{drawn:?}");
+    assert!(
+        vary::columns(&system) == ["stiffness", "contact_damping"] && apart < 1e-12 && stiffer != damped,
+        "{drawn:?}"
+    );
 }
 
 /// A cube on the slope of 10 degrees from rest: `v = g (sin a - mu cos a) t` where that is positive.
 #[test]
 fn each_slides_by_its_own_friction() {
-    let system = varied("cube", VarySpec { friction: between(0.0, 0.3), mass: between(0.5, 2.0), ..Default::default() });
+    let system =
+        varied("cube", VarySpec { friction: between(0.0, 0.3), mass: between(0.5, 2.0), ..Default::default() });
     let mut batch = vary::batch(&system, "slope", 12, 0).expect("a slope is always there");
     let (slope, g, mut slid) = (f64::to_radians(10.0), system.gravity().norm(), 0);
     let half = system.robot.contact_points.iter().map(|p| p.local.x.abs()).fold(0.0, f64::max);
@@ -221,7 +255,10 @@ fn each_slides_by_its_own_friction() {
         let expected = (g * (slope.sin() - mu * slope.cos()) * frames as f64 * system.frame_time).max(0.0);
         let s = batch.state(env);
         let speed = (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm();
-        assert!((speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3, "mu {mu:.3}: {speed} m/s, textbook {expected}");
+        assert!(
+            (speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3,
+            "mu {mu:.3}: {speed} m/s, textbook {expected}"
+        );
         slid += usize::from(expected > 0.0);
     }
     assert!((1..12).contains(&slid), "{slid} of 12 should slide: the draw is no test");

@@ -13,9 +13,15 @@ pub(super) static ROWS: [Row; 3] = [
     Row::new("hanging chain", "error of the end's swing, 20 rods, 4 s", "amplitudes", 0.05, swing)
         .source("D. Bernoulli 1733: omega = j / 2 sqrt(g / L), J0(j) = 0")
         .why("A long chain that swings in its slowest way shows whether weight and inertia are right all along it."),
-    Row::new("falling cable", "gain of energy while it falls onto the ground, 20 rods, 2 s", "of what falling gave", 0.01, fall)
-        .source("energy never rises")
-        .why("A whip's end is the fastest thing in a scene, and stiff springs and contact pay whoever passes over it."),
+    Row::new(
+        "falling cable",
+        "gain of energy while it falls onto the ground, 20 rods, 2 s",
+        "of what falling gave",
+        0.01,
+        fall,
+    )
+    .source("energy never rises")
+    .why("A whip's end is the fastest thing in a scene, and stiff springs and contact pay whoever passes over it."),
 ];
 
 fn cable(keys: &str) -> Result<Arc<System>, Error> {
@@ -52,8 +58,9 @@ fn swing(trial: &Trial) -> Result<f64, Error> {
     (0..20).for_each(|k| state[2 * k] = if k == 0 { slope(0) } else { slope(k) - slope(k - 1) });
     let motion = trial.passive(&system, "free", &state, 240)?;
     let (start, omega) = (end(&system, &state).xy(), 0.5 * ZERO * GRAVITY.sqrt());
-    let gap =
-        |(k, s): (usize, &Vec<f64>)| (end(&system, s).xy().dot(&start) / start.norm_squared() - (omega * k as f64 / 60.0).cos()).abs();
+    let gap = |(k, s): (usize, &Vec<f64>)| {
+        (end(&system, s).xy().dot(&start) / start.norm_squared() - (omega * k as f64 / 60.0).cos()).abs()
+    };
     Ok(motion.states.iter().enumerate().map(gap).sum::<f64>() / motion.states.len() as f64)
 }
 

@@ -108,15 +108,23 @@ pub(super) static ROWS: [Row; 7] = [
     Row::new("sliding down", "error of the way, 35 deg, mu 0.5, 1 s", "relative", 0.05, sliding)
         .source("g (sin a - mu cos a) t^2 / 2")
         .why("Above the angle a body accelerates by what friction leaves, neither held nor let go."),
-    Row::new("plate at four yaws", "a plate: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, plate(), 0.05))
-        .source("Coulomb's cone is round")
-        .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes."),
-    Row::new("cube at four yaws", "a cube: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, Body::default(), 0.1))
-        .source("Coulomb's cone is round")
-        .why("The same for a tall body, whose load moves from corner to corner."),
-    Row::new("table at four yaws", "a table of four round feet: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
-        yaws(trial, table(), 0.27)
+    Row::new("plate at four yaws", "a plate: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
+        yaws(trial, plate(), 0.05)
     })
+    .source("Coulomb's cone is round")
+    .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes."),
+    Row::new("cube at four yaws", "a cube: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
+        yaws(trial, Body::default(), 0.1)
+    })
+    .source("Coulomb's cone is round")
+    .why("The same for a tall body, whose load moves from corner to corner."),
+    Row::new(
+        "table at four yaws",
+        "a table of four round feet: spread of way, lateral way, yaw",
+        "relative",
+        0.02,
+        |trial| yaws(trial, table(), 0.27),
+    )
     .source("Coulomb's cone is round")
     .why("The same on four balls, each of them a single contact."),
     Row::new("rolling ball", "error of the speed, 15 deg, 1 s", "relative", 5e-3, rolling)
@@ -139,7 +147,12 @@ fn stopping(trial: &Trial) -> Result<f64, Error> {
     let mut worst = 0.0f64;
     for mu in [0.2, 0.4, 0.7] {
         let body = Body { material: [1e4, 100.0, 1e3, mu], ..plate() };
-        let motion = trial.passive(&body.system()?, "ground", &Body::state([0.0, 0.0, 0.05], UPRIGHT, [0.0; 3], [2.0, 0.0, 0.0]), 90)?;
+        let motion = trial.passive(
+            &body.system()?,
+            "ground",
+            &Body::state([0.0, 0.0, 0.05], UPRIGHT, [0.0; 3], [2.0, 0.0, 0.0]),
+            90,
+        )?;
         worst = worst.max((motion.last()[0] / (4.0 / (2.0 * mu * GRAVITY)) - 1.0).abs());
     }
     Ok(worst)
@@ -184,7 +197,8 @@ fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64, Error> {
     for degrees in [0.0f64, 15.0, 30.0, 45.0] {
         let half = 0.5 * degrees.to_radians();
         let q = [0.0, 0.0, half.sin(), half.cos()];
-        let motion = trial.passive(&system, "ground", &Body::state([0.0, 0.0, height], q, [0.0; 3], [2.0, 0.0, 0.0]), 60)?;
+        let motion =
+            trial.passive(&system, "ground", &Body::state([0.0, 0.0, height], q, [0.0; 3], [2.0, 0.0, 0.0]), 60)?;
         let last = motion.last();
         let yaw = quaternion(&last[3..7]).angle_to(&quaternion(&q));
         worst = worst.max(last[1].abs() / last[0].abs().max(1e-3)).max(yaw);

@@ -9,8 +9,14 @@ use rand::RngExt;
 const STEPS: [f64; 5] = [1.0 / 240.0, 1.0 / 60.0, 0.05, 0.1, 0.25];
 const FALL: f64 = 3.0;
 /// Robots of the sweep, and the scenes they fall in.
-const ROBOTS: [(&str, &str); 6] =
-    [("cartpole", "free"), ("pendulum", "ground1"), ("franka", "free"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")];
+const ROBOTS: [(&str, &str); 6] = [
+    ("cartpole", "free"),
+    ("pendulum", "ground1"),
+    ("franka", "free"),
+    ("cube", "ground"),
+    ("ant", "ground"),
+    ("anymal", "ground"),
+];
 /// Inclination of a cube that rests, as a share of its friction angle, and duration (s).
 const SHARE: f64 = 0.6;
 const MINUTE: f64 = 60.0;
@@ -18,18 +24,42 @@ const MINUTE: f64 = 60.0;
 const STEEP: f64 = 1.3;
 
 pub(super) static ROWS: [Row; 6] = [
-    Row::new("long steps", "largest gain, six robots fall limp, frames of 1/240 to 1/4 s", "of the start's energy", 1e-3, sweep)
-        .source("contact, limits and joints are passive")
-        .why("A frame may be as long as a user has it: what it is too long for must be lost, not invented."),
-    Row::new("tosses", "largest gain, coin, rod and box tossed at 60 rad/s, 3 s", "of the start's energy", 1e-3, tosses)
-        .source("contact is passive")
-        .why("Thin edges meet the ground fast and at a slant: there springs give back more than they took."),
-    Row::new("fast spin", "largest change of energy, box at 200 rad/s in free flight, 10 s", "of the start's energy", 1e-4, flight)
-        .source("energy is kept in free flight")
-        .why("A root turns by radians in a frame, and no joint tells."),
-    Row::new("clapping chain", "largest gain, five rods that meet each other, no gravity, 3 s", "of the start's energy", 1e-3, chain)
-        .source("contact is passive")
-        .why("Links of one robot meet at joint angles that no ground explains."),
+    Row::new(
+        "long steps",
+        "largest gain, six robots fall limp, frames of 1/240 to 1/4 s",
+        "of the start's energy",
+        1e-3,
+        sweep,
+    )
+    .source("contact, limits and joints are passive")
+    .why("A frame may be as long as a user has it: what it is too long for must be lost, not invented."),
+    Row::new(
+        "tosses",
+        "largest gain, coin, rod and box tossed at 60 rad/s, 3 s",
+        "of the start's energy",
+        1e-3,
+        tosses,
+    )
+    .source("contact is passive")
+    .why("Thin edges meet the ground fast and at a slant: there springs give back more than they took."),
+    Row::new(
+        "fast spin",
+        "largest change of energy, box at 200 rad/s in free flight, 10 s",
+        "of the start's energy",
+        1e-4,
+        flight,
+    )
+    .source("energy is kept in free flight")
+    .why("A root turns by radians in a frame, and no joint tells."),
+    Row::new(
+        "clapping chain",
+        "largest gain, five rods that meet each other, no gravity, 3 s",
+        "of the start's energy",
+        1e-3,
+        chain,
+    )
+    .source("contact is passive")
+    .why("Links of one robot meet at joint angles that no ground explains."),
     Row::new("creep", "way of a cube at 60 % of its friction angle in a minute", "m", 1e-4, creep)
         .source("Coulomb's law: what is held does not move; 1e-4 m is a hair's width")
         .why("A foot that stands, or a grasp that holds, must not slip away."),
@@ -89,9 +119,11 @@ fn tosses(trial: &Trial) -> Result<f64, Error> {
         let system = Body { shape: shape.into(), mass, inertia, ..Default::default() }.system()?;
         for seed in 0..8 {
             let mut random = stream(32, seed);
-            let mut drawn = |size: f64| (Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64)).normalize() * size).into();
+            let mut drawn =
+                |size: f64| (Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64)).normalize() * size).into();
             let (w, v, turn) = (drawn(60.0), drawn(2.0), UnitQuaternion::from_scaled_axis(Vector3::from(drawn(2.0))));
-            let motion = trial.passive(&system, "ground", &Body::state([0.0, 0.0, 1.0], turn.coords.into(), w, v), 180)?;
+            let motion =
+                trial.passive(&system, "ground", &Body::state([0.0, 0.0, 1.0], turn.coords.into(), w, v), 180)?;
             worst = worst.max(gain(trial, &motion, 1.0));
         }
     }
@@ -99,10 +131,19 @@ fn tosses(trial: &Trial) -> Result<f64, Error> {
 }
 
 fn flight(trial: &Trial) -> Result<f64, Error> {
-    let body =
-        Body { shape: r#"<box size="0.3 0.2 0.05"/>"#.into(), inertia: [3.5e-3, 7.7e-3, 1.08e-2], gravity: 0.0, ..Default::default() };
+    let body = Body {
+        shape: r#"<box size="0.3 0.2 0.05"/>"#.into(),
+        inertia: [3.5e-3, 7.7e-3, 1.08e-2],
+        gravity: 0.0,
+        ..Default::default()
+    };
     let axis = Vector3::new(1.0, 3.0, -2.0).normalize() * 200.0;
-    let motion = trial.passive(&body.system()?, "ground", &Body::state([0.0, 0.0, 100.0], UPRIGHT, axis.into(), [0.0; 3]), 600)?;
+    let motion = trial.passive(
+        &body.system()?,
+        "ground",
+        &Body::state([0.0, 0.0, 100.0], UPRIGHT, axis.into(), [0.0; 3]),
+        600,
+    )?;
     let totals = motion.totals();
     if motion.last()[3..7] == UPRIGHT {
         return Ok(1.0);

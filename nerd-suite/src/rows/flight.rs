@@ -60,7 +60,12 @@ fn tumbling(trial: &Trial) -> Result<f64, Error> {
     let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
     let (roll, pitch, yaw) = nalgebra::UnitQuaternion::from_axis_angle(&axis, 0.7).euler_angles();
     let inertia = [13.0, 10.0, 5.0].map(|x| 8.0 / 3.0 * x);
-    spin(trial, &Body { mass: 8.0, inertia, rpy: [roll, pitch, yaw], gravity: 0.0, ..Default::default() }, [3.0, 7.0, 2.0], 600)
+    spin(
+        trial,
+        &Body { mass: 8.0, inertia, rpy: [roll, pitch, yaw], gravity: 0.0, ..Default::default() },
+        [3.0, 7.0, 2.0],
+        600,
+    )
 }
 
 /// Largest relative change of angular momentum; 1 if the body did not rotate.
@@ -77,7 +82,12 @@ fn brick() -> Body {
 }
 
 fn gyroscopic(trial: &Trial) -> Result<f64, Error> {
-    let motion = trial.passive(&brick().system()?, "free", &Body::state([0.0; 3], UPRIGHT, [0.05, 5.0, 0.05], [0.0; 3]), 2000)?;
+    let motion = trial.passive(
+        &brick().system()?,
+        "free",
+        &Body::state([0.0; 3], UPRIGHT, [0.05, 5.0, 0.05], [0.0; 3]),
+        2000,
+    )?;
     let e = motion.energies();
     let change = e.iter().map(|x| (x / e[0] - 1.0).abs()).fold(0.0, f64::max);
     Ok(if turned(&motion) { change } else { 1.0 })
@@ -85,7 +95,8 @@ fn gyroscopic(trial: &Trial) -> Result<f64, Error> {
 
 fn dzhanibekov(trial: &Trial) -> Result<f64, Error> {
     let (start, frames) = (Vector3::new(0.05, 5.0, 0.05), 1000);
-    let motion = trial.passive(&brick().system()?, "free", &Body::state([0.0; 3], UPRIGHT, start.into(), [0.0; 3]), frames)?;
+    let motion =
+        trial.passive(&brick().system()?, "free", &Body::state([0.0; 3], UPRIGHT, start.into(), [0.0; 3]), frames)?;
     let last = motion.last();
     let found = quaternion(&last[3..7]).inverse() * vector(&last[7..10]);
     // Reference: I w' = -w x I w by classical Runge-Kutta.

@@ -28,9 +28,15 @@ pub(super) static ROWS: [Row; 9] = [
     Row::new("universal joint", "distance from the circle of a conical pendulum, 2 s", "radii", 0.01, conical)
         .source("w^2 = g / l cos a; 1 % of Newton's tests")
         .why("Two axes in one place: the first must carry the second along."),
-    Row::new("inner torques", "change of the Ant's momentum under random torques, 1 s", "relative", 5e-4, inner_torques)
-        .source("Newton tests, 5e-4; momentum theorem")
-        .why("Motors push links against each other: the momentum of the whole is not theirs to change."),
+    Row::new(
+        "inner torques",
+        "change of the Ant's momentum under random torques, 1 s",
+        "relative",
+        5e-4,
+        inner_torques,
+    )
+    .source("Newton tests, 5e-4; momentum theorem")
+    .why("Motors push links against each other: the momentum of the whole is not theirs to change."),
     Row::new("falling quadruped", "change of ANYmal's energy, 1 s", "of what falling gave", 5e-3, falling)
         .source("energy is constant; SimBenchmark's drop")
         .why("A whole robot in the air: with all its joints moving, energy stays."),

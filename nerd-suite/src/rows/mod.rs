@@ -18,7 +18,12 @@ use nerd_sim::prelude::*;
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
     let rolling = rolling::ROWS.iter().chain(&round::ROWS);
-    let contact = contact::LANDING.iter().chain(&contact::ROWS).chain(rolling).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
+    let contact = contact::LANDING
+        .iter()
+        .chain(&contact::ROWS)
+        .chain(rolling)
+        .chain(&contact::PASSIVE)
+        .chain(&robots::CONSISTENCY);
     flight::ROWS
         .iter()
         .chain(&joints::ROWS)

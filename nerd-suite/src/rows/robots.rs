@@ -24,14 +24,22 @@ struct Drives {
 const BARE: Drives = Drives { armature: 0.0, kp: 200.0, kd: 0.5, stable_pd: false };
 
 pub(super) static CONSISTENCY: [Row; 3] = [
-    Row::new("pendulum self-convergence", "against four times the substeps, ground, 1 s, 4 starts", "rad", 1.2e-3, |trial| {
-        against_finer(trial, "pendulum", "ground1")
-    })
+    Row::new(
+        "pendulum self-convergence",
+        "against four times the substeps, ground, 1 s, 4 starts",
+        "rad",
+        1.2e-3,
+        |trial| against_finer(trial, "pendulum", "ground1"),
+    )
     .source("a tenth of the paper's error of a learned pendulum, 0.012 rad")
     .why("A truth to learn from must be nearer to its own limit than models come to the truth."),
-    Row::new("Ant self-convergence", "against four times the substeps, dropped, 1 s, 4 starts", "rad", 4.7e-3, |trial| {
-        against_finer(trial, "ant", "ground")
-    })
+    Row::new(
+        "Ant self-convergence",
+        "against four times the substeps, dropped, 1 s, 4 starts",
+        "rad",
+        4.7e-3,
+        |trial| against_finer(trial, "ant", "ground"),
+    )
     .source("a tenth of the paper's error of a learned Ant, 0.047 rad")
     .why("The same for a walking robot that lands on its feet."),
     Row::new("Markov", "a motion against its second half begun afresh, or after a reset", "rad", 1e-12, markov)
@@ -60,12 +68,16 @@ pub(super) static ROWS: [Row; 9] = [
     Row::new("kp 200 ahead", STABLE_PD, "rad/s", SPEED, |trial| anymal(trial, Drives { stable_pd: true, ..BARE }))
         .source(URDF)
         .why("A drive that looks a frame ahead keeps the same gains stable: solvers must not spoil that."),
-    Row::new("kp 2000 ahead", STABLE_PD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 2000.0, stable_pd: true, ..BARE }))
-        .source(URDF)
-        .why("The same, ten times stiffer."),
-    Row::new("kp 5000 ahead", STABLE_PD, "rad/s", SPEED, |trial| anymal(trial, Drives { kp: 5000.0, stable_pd: true, ..BARE }))
-        .source(URDF)
-        .why("The same, at gains of a position-controlled arm."),
+    Row::new("kp 2000 ahead", STABLE_PD, "rad/s", SPEED, |trial| {
+        anymal(trial, Drives { kp: 2000.0, stable_pd: true, ..BARE })
+    })
+    .source(URDF)
+    .why("The same, ten times stiffer."),
+    Row::new("kp 5000 ahead", STABLE_PD, "rad/s", SPEED, |trial| {
+        anymal(trial, Drives { kp: 5000.0, stable_pd: true, ..BARE })
+    })
+    .source(URDF)
+    .why("The same, at gains of a position-controlled arm."),
     Row::new("no number", "0 if a state that is not a number is refused, 1 if not", "", 0.0, no_number)
         .source("an error, with its place")
         .why("A state that is not a number must be refused where it stands, before it spreads."),
@@ -113,7 +125,8 @@ fn ant(trial: &Trial) -> Result<f64, Error> {
     for seed in 0..4 {
         let state = start(&system, Start::Reset, &mut stream(11, seed));
         let mut rng = stream(12, seed);
-        let mut push = |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
+        let mut push =
+            |_: &[f64], tau: &mut [f64]| tau.iter_mut().for_each(|t| *t = 400.0 * (2.0 * rng.random::<f64>() - 1.0));
         let motion = trial.driven(&system, "ground", &state, 300, &mut push)?;
         for (i, limit) in system.robot.joints().enumerate().filter_map(|(i, j)| j.limit.map(|l| (i, l))) {
             let q = motion.states.iter().map(|s| s[joints + i]);
@@ -135,12 +148,15 @@ fn anymal(trial: &Trial, drives: Drives) -> Result<f64, Error> {
     controller.gains.fill([drives.kp, drives.kd]);
     let state = start(&system, Start::Reset, &mut stream(13, 0));
     let hold = vec![0.0; system.robot.joint_count()];
-    let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
+    let motion =
+        trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
     let (joints, nq) = (system.robot.root_coords(), system.robot.nq());
     // A predictive law closes the initial error in one frame, at any velocity, so only the second second counts.
     let counted = &motion.states[if drives.stable_pd { 60 } else { 0 }..];
     let speed = counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).fold(0.0f64, |a, b| a.max(b.abs()));
-    let gap = |s: &[f64]| s[joints..nq].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default_q).abs()).sum::<f64>();
+    let gap = |s: &[f64]| {
+        s[joints..nq].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default_q).abs()).sum::<f64>()
+    };
     let held = motion.states.iter().any(|s| gap(s) < 0.5 * gap(&state));
     Ok(motion.above(if held || speed > SPEED { speed } else { f64::INFINITY }))
 }

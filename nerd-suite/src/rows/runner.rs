@@ -18,12 +18,24 @@ const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
 const FRAMES: usize = 60;
 
 pub(super) static ROWS: [Row; 2] = [
-    Row::new("runner's energy", "energy out of nothing, Ant at 8 m/s, full torques, 1 s", "of the start's kinetic", 1e-3, energy)
-        .source("contact and limits are passive; a torque held for a frame does tau dq")
-        .why("What a solver invents at speed, with all joints moving, is what a policy learns to live on."),
-    Row::new("runner's momentum", "change of momentum in the air, Ant at 8 m/s, full torques, 1 s", "relative", 0.01, momentum)
-        .source("momentum theorem; 1 % of Newton's tests")
-        .why("A leg thrown about must not push the whole: a mass matrix a frame old forgets where the legs have gone."),
+    Row::new(
+        "runner's energy",
+        "energy out of nothing, Ant at 8 m/s, full torques, 1 s",
+        "of the start's kinetic",
+        1e-3,
+        energy,
+    )
+    .source("contact and limits are passive; a torque held for a frame does tau dq")
+    .why("What a solver invents at speed, with all joints moving, is what a policy learns to live on."),
+    Row::new(
+        "runner's momentum",
+        "change of momentum in the air, Ant at 8 m/s, full torques, 1 s",
+        "relative",
+        0.01,
+        momentum,
+    )
+    .source("momentum theorem; 1 % of Newton's tests")
+    .why("A leg thrown about must not push the whole: a mass matrix a frame old forgets where the legs have gone."),
 ];
 
 /// One second of running; the torso starts at `height` (m) above the ground.

@@ -40,7 +40,9 @@ impl Episodes {
             let (name, number) = (name.trim(), number.trim());
             // An old name, unless the task has a command of that name.
             let place = |name: &str| all.iter().position(|own| own.0 == name);
-            let old = place(name).map_or_else(|| renamed::renamed(Kind::Command, name), |_| None).filter(|old| place(old.1).is_some());
+            let old = place(name)
+                .map_or_else(|| renamed::renamed(Kind::Command, name), |_| None)
+                .filter(|old| place(old.1).is_some());
             renamed::note(&format!("task {}", self.task.name()), old);
             let Some(k) = place(old.map_or(name, |old| old.1)) else {
                 let own: Vec<&str> = all.iter().map(|own| &*own.0).collect();

@@ -63,7 +63,17 @@ impl<'a> Reader<'a> {
         actions: usize,
         memory: usize,
     ) -> Self {
-        Self { tape, facts, of: part, lets, commands, actions, memory, known: RefCell::default(), deep: Cell::default() }
+        Self {
+            tape,
+            facts,
+            of: part,
+            lets,
+            commands,
+            actions,
+            memory,
+            known: RefCell::default(),
+            deep: Cell::default(),
+        }
     }
 
     /// Value of the expression at `key` in the file.
@@ -186,14 +196,18 @@ impl<'a> Reader<'a> {
         };
         let steps = self.tape.nodes.borrow().len();
         if value.numbers.len() > LONGEST || steps > MOST {
-            return wrong(format!("it has {} numbers and {steps} steps; {LONGEST} and {MOST} are borne", value.numbers.len()));
+            return wrong(format!(
+                "it has {} numbers and {steps} steps; {LONGEST} and {MOST} are borne",
+                value.numbers.len()
+            ));
         }
         Ok(value)
     }
 
     fn word(&self, name: &str) -> Result<Value<'a>, String> {
         let goal = |k: usize| self.tape.leaf(Leaf::Goal(k));
-        let memory = |ago: usize| (0..self.actions).map(|k| goal(self.memory + ago * self.actions + k)).collect::<Vec<_>>();
+        let memory =
+            |ago: usize| (0..self.actions).map(|k| goal(self.memory + ago * self.actions + k)).collect::<Vec<_>>();
         let of_joints = if self.actions == self.facts.system.robot.joint_count() { Of::Joints } else { Of::Numbers };
         if let Some((_, at)) = self.commands.iter().find(|(own, _)| own == name) {
             return Ok(plain(at.clone().map(goal).collect()));
@@ -250,7 +264,9 @@ impl<'a> Reader<'a> {
             Expr::Range(range) => {
                 let end = |e: &Option<Box<Expr>>, other: usize| e.as_ref().map_or(Ok(vec![other]), |e| numbers(e));
                 let (from, to) = (end(&range.start, 0)?, end(&range.end, count)?);
-                let ([from], [to]) = (&from[..], &to[..]) else { return Err(wrong("one number on each side of `..`".into())) };
+                let ([from], [to]) = (&from[..], &to[..]) else {
+                    return Err(wrong("one number on each side of `..`".into()));
+                };
                 let to = to.saturating_add(usize::from(matches!(range.limits, RangeLimits::Closed(_))));
                 if *from > to || to > count {
                     return Err(wrong(format!("{from}..{to} of {count} numbers")));
@@ -260,7 +276,9 @@ impl<'a> Reader<'a> {
             _ => (numbers(index)?, Of::Numbers),
         };
         let found: Option<Vec<_>> = at.iter().map(|k| value.numbers.get(*k).copied()).collect();
-        let numbers = found.ok_or_else(|| wrong(format!("no number {}: it has {count}, counted from 0", at.iter().max().unwrap_or(&0))))?;
+        let numbers = found.ok_or_else(|| {
+            wrong(format!("no number {}: it has {count}, counted from 0", at.iter().max().unwrap_or(&0)))
+        })?;
         Ok(Value { numbers, of })
     }
 }
@@ -279,7 +297,11 @@ pub(super) fn each<'a>(value: Value<'a>, f: impl Fn(Traced<'a>) -> Traced<'a>) -
 }
 
 /// Combines two vectors element by element; a scalar combines with all elements.
-pub(super) fn paired<'a>(a: Value<'a>, b: Value<'a>, f: impl Fn(Traced<'a>, Traced<'a>) -> Traced<'a>) -> Result<Value<'a>, String> {
+pub(super) fn paired<'a>(
+    a: Value<'a>,
+    b: Value<'a>,
+    f: impl Fn(Traced<'a>, Traced<'a>) -> Traced<'a>,
+) -> Result<Value<'a>, String> {
     let (n, m) = (a.numbers.len(), b.numbers.len());
     if n != m && n != 1 && m != 1 {
         return Err(format!("{n} numbers with {m}: as many are needed, or one"));
@@ -297,7 +319,12 @@ fn wholes(value: &Value) -> Result<Vec<usize>, String> {
         Traced::Number(x) if *x >= 0.0 && x.fract() == 0.0 && *x < 1e6 => Some(*x as usize),
         _ => None,
     };
-    value.numbers.iter().map(whole).collect::<Option<_>>().ok_or_else(|| "an index is a known whole number, a name, or a..b".into())
+    value
+        .numbers
+        .iter()
+        .map(whole)
+        .collect::<Option<_>>()
+        .ok_or_else(|| "an index is a known whole number, a name, or a..b".into())
 }
 
 /// Refuses a text nested too deeply for the parser.

@@ -22,8 +22,8 @@ impl<'a> Reader<'a> {
             return self.called(old.1, args);
         }
         let needed = match name {
-            "exp" | "sin" | "cos" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled"
-            | "len" => 1,
+            "exp" | "sin" | "cos" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of"
+            | "min_of" | "controlled" | "len" => 1,
             "max" | "min" | "dot" | "cross" => 2,
             "clamp" | "select" => 3,
             _ => {
@@ -36,8 +36,9 @@ impl<'a> Reader<'a> {
             return Err(no_place(format!("`{name}` takes {needed}, not {}", args.len())));
         }
         let values = args.iter().map(|e| self.expression(e)).collect::<Said<Vec<_>>>()?;
-        let two =
-            |f: fn(Traced<'a>, Traced<'a>) -> Traced<'a>| paired(values[0].clone(), values[1].clone(), f).map_err(|s| (args[1].span(), s));
+        let two = |f: fn(Traced<'a>, Traced<'a>) -> Traced<'a>| {
+            paired(values[0].clone(), values[1].clone(), f).map_err(|s| (args[1].span(), s))
+        };
         let first = || values[0].clone();
         let some = || match values[0].numbers[..] {
             [] => Err((args[0].span(), format!("`{name}` of no number"))),
@@ -81,7 +82,10 @@ impl<'a> Reader<'a> {
             _ => {
                 let (joints, count) = (self.facts.system.robot.joint_count(), values[0].numbers.len());
                 if count != joints {
-                    return Err((args[0].span(), format!("`controlled` takes a number for each of {joints} joints, not {count}")));
+                    return Err((
+                        args[0].span(),
+                        format!("`controlled` takes a number for each of {joints} joints, not {count}"),
+                    ));
                 }
                 let call = self.tape.list(&values[0].numbers);
                 let numbers = (0..joints).map(|i| self.tape.leaf(Leaf::Controlled { call, i })).collect();
@@ -95,10 +99,16 @@ impl<'a> Reader<'a> {
     fn height_scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if !self.facts.system.robot.floating() {
-            return Err(no_place(format!("`height_scan` is of a free root, and the base of `{}` is fixed", self.facts.system.name)));
+            return Err(no_place(format!(
+                "`height_scan` is of a free root, and the base of `{}` is fixed",
+                self.facts.system.name
+            )));
         }
-        let [xs, ys] = args else { return Err(no_place("`height_scan` takes places ahead and places to the left (m)".into())) };
-        let list = |e: &Expr| known(&self.expression(e)?).ok_or_else(|| (e.span(), "known numbers are needed".to_string()));
+        let [xs, ys] = args else {
+            return Err(no_place("`height_scan` takes places ahead and places to the left (m)".into()));
+        };
+        let list =
+            |e: &Expr| known(&self.expression(e)?).ok_or_else(|| (e.span(), "known numbers are needed".to_string()));
         let (xs, ys) = (list(xs)?, list(ys)?);
         let at = xs.iter().flat_map(|x| ys.iter().map(|y| [*x, *y]));
         Ok(plain(at.map(|at| self.facts.ground(self.tape, at)).collect()))
@@ -123,11 +133,15 @@ impl<'a> Reader<'a> {
             },
             _ => None,
         };
-        let name = name.ok_or_else(|| (args[0].span(), "the name of a link is needed, in quotation marks".to_string()))?;
+        let name =
+            name.ok_or_else(|| (args[0].span(), "the name of a link is needed, in quotation marks".to_string()))?;
         let Some((link, at, turn)) = self.facts.frame(&name) else {
             let robot = &self.facts.system.robot;
             let known = robot.links.iter().map(|l| l.name.as_str()).chain(robot.frames.iter().map(|f| f.name.as_str()));
-            return Err((args[0].span(), format!("no link `{name}`: choose from {}", known.take(40).collect::<Vec<_>>().join(", "))));
+            return Err((
+                args[0].span(),
+                format!("no link `{name}`: choose from {}", known.take(40).collect::<Vec<_>>().join(", ")),
+            ));
         };
         let place = |local: Vector3<f64>| {
             let local: [f64; 3] = local.into();

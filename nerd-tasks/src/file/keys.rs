@@ -85,15 +85,27 @@ impl TryFrom<Value> for Tolerance {
         let text = expression("tolerance", value)?;
         let (number, unit) = text.split_once(' ').unwrap_or((&text, ""));
         let number = number.parse::<f64>().ok().filter(|x| (1e-9..=1e6).contains(x));
-        let number = number
-            .ok_or_else(|| format!("tolerance is \"{text}\": a number from 1e-9 to 1e6 is needed and its unit, such as \"0.1 m/s\""))?;
+        let number = number.ok_or_else(|| {
+            format!("tolerance is \"{text}\": a number from 1e-9 to 1e6 is needed and its unit, such as \"0.1 m/s\"")
+        })?;
         // Units are not converted, so only SI units are accepted.
-        if let Some(other) = unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u)) {
-            let known = [("cm", 1e-2, "m"), ("mm", 1e-3, "m"), ("ms", 1e-3, "s"), ("g", 1e-3, "kg"), ("deg", 1f64.to_radians(), "rad")];
+        if let Some(other) =
+            unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u))
+        {
+            let known = [
+                ("cm", 1e-2, "m"),
+                ("mm", 1e-3, "m"),
+                ("ms", 1e-3, "s"),
+                ("g", 1e-3, "kg"),
+                ("deg", 1f64.to_radians(), "rad"),
+            ];
             let known = known.iter().find(|(own, ..)| *own == other);
-            let (number, unit) = known.map_or((0.1, "m/s".into()), |(_, factor, si)| (number * factor, unit.replacen(other, si, 1)));
+            let (number, unit) =
+                known.map_or((0.1, "m/s".into()), |(_, factor, si)| (number * factor, unit.replacen(other, si, 1)));
             let number = (number * 1e6).round() / 1e6;
-            return Err(format!("tolerance is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"{number} {unit}\""));
+            return Err(format!(
+                "tolerance is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"{number} {unit}\""
+            ));
         }
         Ok(Self(number, unit.trim().into()))
     }
@@ -104,7 +116,9 @@ fn one() -> u64 {
 }
 
 fn seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
-    f64::deserialize(from).map(Some).map_err(|_| D::Error::custom("frame_time: a number of seconds is needed, without quotes"))
+    f64::deserialize(from)
+        .map(Some)
+        .map_err(|_| D::Error::custom("frame_time: a number of seconds is needed, without quotes"))
 }
 
 /// Text, or a number as text.

@@ -47,7 +47,9 @@ impl FileTask {
         let (read, mut old) = renamed::toml(Kind::Task, text).map_err(wrong)?;
         let keys: Keys = toml::from_str(&read).map_err(|e| match e.message() {
             // This error of toml has no useful place.
-            missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => wrong(missing.into()),
+            missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => {
+                wrong(missing.into())
+            }
             _ => wrong(e.to_string().trim().replace('\n', " ")),
         })?;
         let Some(robot) = robot.or(keys.robot.as_deref()) else {
@@ -83,7 +85,11 @@ impl FileTask {
             let mut out: Vec<Traced> = Vec::new();
             for (own, text) in all {
                 let key = if own.is_empty() { key.to_string() } else { format!("{key}.{own}") };
-                out.extend(if summed { vec![reader.one(&key, text).map_err(wrong)?] } else { reader.read(&key, text).map_err(wrong)? });
+                out.extend(if summed {
+                    vec![reader.one(&key, text).map_err(wrong)?]
+                } else {
+                    reader.read(&key, text).map_err(wrong)?
+                });
             }
             if key == "reward" {
                 // The terms of a single expression are the names that it refers to.
@@ -103,7 +109,9 @@ impl FileTask {
             }
             Ok::<_, TaskError>(Program::reduced(&tape, &out))
         };
-        let counted = |list: &[String]| list.iter().enumerate().map(|(k, text)| (k.to_string(), text.clone())).collect::<Vec<_>>();
+        let counted = |list: &[String]| {
+            list.iter().enumerate().map(|(k, text)| (k.to_string(), text.clone())).collect::<Vec<_>>()
+        };
         let alone = |text: &Option<String>| text.iter().map(|text| (String::new(), text.clone())).collect::<Vec<_>>();
         let summed = match &keys.reward {
             Terms::One(text) => vec![(String::new(), text.clone())],
@@ -121,7 +129,11 @@ impl FileTask {
         let error = read(Part::Other, "error", &alone(&keys.error), true)?;
         let joints = system.robot.joint_count();
         if act.out.len() != joints {
-            return Err(wrong(format!("act: it has {} torques, and `{}` has {joints} joints", act.out.len(), system.name)));
+            return Err(wrong(format!(
+                "act: it has {} torques, and `{}` has {joints} joints",
+                act.out.len(),
+                system.name
+            )));
         }
         if reward.out.is_empty() {
             return Err(wrong("reward: it has no term".into()));
@@ -135,9 +147,9 @@ impl FileTask {
         } else {
             0
         };
-        let named = commands
-            .iter()
-            .flat_map(|(name, at)| at.clone().map(move |k| if at.len() > 1 { format!("{name}[{}]", k - at.start) } else { name.clone() }));
+        let named = commands.iter().flat_map(|(name, at)| {
+            at.clone().map(move |k| if at.len() > 1 { format!("{name}[{}]", k - at.start) } else { name.clone() })
+        });
         let named = named.collect();
         let about = About {
             name: kept(name),
@@ -178,7 +190,9 @@ type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
 fn commands(keys: &Keys) -> Commands {
     let (mut goal, mut places) = (Vec::new(), Vec::new());
     let target = |name: &String| name == "target";
-    for (name, command) in keys.command.iter().filter(|c| target(c.0)).chain(keys.command.iter().filter(|c| !target(c.0))) {
+    for (name, command) in
+        keys.command.iter().filter(|c| target(c.0)).chain(keys.command.iter().filter(|c| !target(c.0)))
+    {
         let ranges = &command.0;
         places.push((name.clone(), goal.len()..goal.len() + ranges.len()));
         goal.extend(ranges.iter().map(|range| [range.low, range.high]));
@@ -206,7 +220,12 @@ const FAR: f64 = 1e6;
 const COMMANDS: f64 = 4096.0;
 
 fn ranges(keys: &Keys) -> Result<(), String> {
-    within("numbers of [command]", keys.command.values().map(|command| command.0.len()).sum::<usize>() as f64, 0.0..=COMMANDS, "")?;
+    within(
+        "numbers of [command]",
+        keys.command.values().map(|command| command.0.len()).sum::<usize>() as f64,
+        0.0..=COMMANDS,
+        "",
+    )?;
     let all = keys.command.iter().flat_map(|(name, command)| command.0.iter().map(move |range| (name, range)));
     for (name, range) in all {
         let end = |x| within(format!("command.{name} is {range}; an end"), x, -FAR..=FAR, "");
@@ -228,7 +247,9 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
         if table == "reward" {
             continue;
         }
-        if ["action", "last_action", "time", "torque"].contains(&name.as_str()) || facts.word(&Tape::default(), name).is_some() {
+        if ["action", "last_action", "time", "torque"].contains(&name.as_str())
+            || facts.word(&Tape::default(), name).is_some()
+        {
             return Err(format!("{said}: there is a word `{name}`; choose another name"));
         }
         if table == "let" && keys.command.contains_key(name) {

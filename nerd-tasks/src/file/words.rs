@@ -53,7 +53,8 @@ impl Facts {
         let root = data.origin + data.position.first().copied().unwrap_or_default();
         let standing = if low.is_finite() { up.dot(&root) - low } else { 0.0 };
         let stands = |link: usize| {
-            robot.floating() && robot.contact_points.iter().zip(&lows).any(|(p, at)| p.link == link && at - low < STANDS * standing)
+            robot.floating()
+                && robot.contact_points.iter().zip(&lows).any(|(p, at)| p.link == link && at - low < STANDS * standing)
         };
         let (feet, body) = (0..lows.len()).partition(|k| stands(robot.contact_points[*k].link));
         let places = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local));
@@ -69,8 +70,10 @@ impl Facts {
             first[link] = first[parent];
         }
         let last = (0..robot.links.len()).max_by(|a, b| lengths[*a].total_cmp(&lengths[*b])).unwrap_or(0);
-        let fixed = robot.frames.iter().filter(|frame| frame.link == Some(last)).map(|frame| frame.pose.translation.vector);
-        let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or(robot.links[last].frame.translation.vector);
+        let fixed =
+            robot.frames.iter().filter(|frame| frame.link == Some(last)).map(|frame| frame.pose.translation.vector);
+        let tip =
+            fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or(robot.links[last].frame.translation.vector);
         let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
         let tool = (last, tip.into());
         let (terrain, old) = (scene.terrain().is_some(), RefCell::default());
@@ -94,13 +97,19 @@ impl Facts {
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
         let known = |x: f64| (vec![Traced::from(x)], Of::Numbers);
         let list = |list: Vec<f64>, of: Of| (list.into_iter().map(Traced::from).collect(), of);
-        let joints = |what: &dyn Fn(&nerd_sim::nerd_core::robot::Joint) -> f64| list(robot.joints().map(what).collect(), Of::Joints);
-        let specs = |what: &dyn Fn(&nerd_sim::system::JointSpec) -> f64| list(system.joint_specs().map(what).collect(), Of::Joints);
+        let joints = |what: &dyn Fn(&nerd_sim::nerd_core::robot::Joint) -> f64| {
+            list(robot.joints().map(what).collect(), Of::Joints)
+        };
+        let specs = |what: &dyn Fn(&nerd_sim::system::JointSpec) -> f64| {
+            list(system.joint_specs().map(what).collect(), Of::Joints)
+        };
         let numbers = |points: &[usize]| list(points.iter().map(|k| *k as f64).collect(), Of::Numbers);
         let root = |k: std::ops::Range<usize>| (k.map(|k| state(tape, k)).collect::<Vec<_>>(), Of::Numbers);
         let end = |upper: bool, [low, high]: [f64; 2]| if upper { high } else { low };
         let limit = |upper: bool| {
-            move |joint: &nerd_sim::nerd_core::robot::Joint| end(upper, joint.limit.map_or([-1e3, 1e3], |limit| [limit.lower, limit.upper]))
+            move |joint: &nerd_sim::nerd_core::robot::Joint| {
+                end(upper, joint.limit.map_or([-1e3, 1e3], |limit| [limit.lower, limit.upper]))
+            }
         };
         let found = match name {
             "q" => ((coords..nq).map(|k| state(tape, k)).collect(), Of::Joints),
@@ -109,15 +118,20 @@ impl Facts {
             "kp" => specs(&|joint| joint.kp),
             "kd" => specs(&|joint| joint.kd),
             "gain" => specs(&|joint| joint.gain.unwrap_or(joint.torque)),
-            "torque_limit" => {
-                list(robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect(), Of::Joints)
-            }
+            "torque_limit" => list(
+                robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.torque_limit(joint)).collect(),
+                Of::Joints,
+            ),
             "low" => joints(&limit(false)),
             "high" => joints(&limit(true)),
             "gap" | "feet" | "body" | "standing" if robot.contact_points.is_empty() => {
-                let unread =
-                    if system.meshes.is_empty() { String::new() } else { format!(", {} meshes are not read", system.meshes.len()) };
-                let what = format!("`{name}`: nothing of `{}` touches the ground{unread}; see `inspect --robot`", system.name);
+                let unread = if system.meshes.is_empty() {
+                    String::new()
+                } else {
+                    format!(", {} meshes are not read", system.meshes.len())
+                };
+                let what =
+                    format!("`{name}`: nothing of `{}` touches the ground{unread}; see `inspect --robot`", system.name);
                 return Some(Err(what));
             }
             "gap" => {
@@ -141,8 +155,8 @@ impl Facts {
             }
             "pi" => known(std::f64::consts::PI),
             "deg" => known(std::f64::consts::PI / 180.0),
-            "position" | "quaternion" | "twist" | "height" | "ground" | "up" | "forward" | "velocity" | "ang_vel" | "world_velocity"
-            | "world_ang_vel"
+            "position" | "quaternion" | "twist" | "height" | "ground" | "up" | "forward" | "velocity" | "ang_vel"
+            | "world_velocity" | "world_ang_vel"
                 if !robot.floating() =>
             {
                 let fixed = format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name);
@@ -198,7 +212,9 @@ impl Facts {
                 let known = robot.links.iter().map(|link| link.name.as_str()).collect();
                 ((0..robot.contact_points.len()).filter(on).collect(), "link with contact points", known)
             }
-            Of::Numbers => return Err(format!("\"{name}\": numbers of joints and of contact points have names, these have not")),
+            Of::Numbers => {
+                return Err(format!("\"{name}\": numbers of joints and of contact points have names, these have not"));
+            }
         };
         let listed = || known.iter().take(40).copied().collect::<Vec<_>>().join(", ");
         let on = (of == Of::Points).then(|| self.frame(name)).flatten().map(|(link, ..)| &robot.links[link].name);

@@ -118,24 +118,40 @@ impl Compiled {
 
     /// Vector-Jacobian product of [`Self::observe`]: `by[observation]`, adds to `gradient[2 nv]`. Here as in the next
     /// two, upstream gradients `by` refer to the results, and gradients with respect to the state are in tangent space
-    /// ([`nerd_core::tangent`]). Goals and the nearest surface of each contact point are held constant; under a position
-    /// law with prediction so are the mass matrix and bias forces.
+    /// ([`nerd_core::tangent`]). Goals and the nearest surface of each contact point are held constant; under a
+    /// position law with prediction so are the mass matrix and bias forces.
     pub fn observe_back(&self, view: View, work: &mut Work, by: &[f64], gradient: &mut [f64]) {
         self.observe.back(&*self.task, (view, Inputs::default()), work, by, (gradient, &mut []));
     }
 
     /// Of [`Self::act`]: `by[joint]`; adds to `gradient[2 nv]` and to `by_action`, for the clamped action.
-    pub fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], gradient: &mut [f64], by_action: &mut [f64]) {
+    pub fn act_back(
+        &self,
+        view: View,
+        action: &[f64],
+        work: &mut Work,
+        by: &[f64],
+        gradient: &mut [f64],
+        by_action: &mut [f64],
+    ) {
         self.act.back(&*self.task, (view, Inputs { action, torques: &[] }), work, by, (gradient, by_action));
     }
 
     /// Of [`Self::reward`]: adds to `gradient[2 nv]` and to `by_torques[joint]`.
-    pub fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, gradient: &mut [f64], by_torques: &mut [f64]) {
+    pub fn reward_back(
+        &self,
+        view: View,
+        torques: &[f64],
+        work: &mut Work,
+        by: f64,
+        gradient: &mut [f64],
+        by_torques: &mut [f64],
+    ) {
         self.reward.back(&*self.task, (view, Inputs { action: &[], torques }), work, &[by], (gradient, by_torques));
     }
 
-    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also compiles
-    /// as plain C++.
+    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also
+    /// compiles as plain C++.
     ///
     /// # Errors
     /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.

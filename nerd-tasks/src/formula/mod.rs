@@ -1,6 +1,6 @@
 //! A task's arithmetic, written once as formulas on recorded numbers ([`Traced`]) that a [`Sight`] gives. [`Compiled`]
-//! evaluates the record on the CPU, writes it as GPU kernels, and one adjoint sweep over it (`sweep.rs`) gives gradients
-//! for both. `examples/backwards.rs` is such a task.
+//! evaluates the record on the CPU, writes it as GPU kernels, and one adjoint sweep over it (`sweep.rs`) gives
+//! gradients for both. `examples/backwards.rs` is such a task.
 
 mod compiled;
 mod forms;

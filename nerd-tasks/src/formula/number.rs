@@ -4,7 +4,13 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A real number, or a recorded one. Comparisons return numbers: 1 or 0.
 pub trait Number:
-    Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Copy
+    + From<f64>
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
 {
     /// Applies `function` to this number and `other`.
     #[doc(hidden)]

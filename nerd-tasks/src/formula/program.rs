@@ -95,7 +95,14 @@ impl Program {
     }
 
     /// Passes the results to `write`, in order.
-    pub(super) fn run(&self, task: &dyn Task, view: View, inputs: Inputs, work: &mut Work, mut write: impl FnMut(usize, f64)) {
+    pub(super) fn run(
+        &self,
+        task: &dyn Task,
+        view: View,
+        inputs: Inputs,
+        work: &mut Work,
+        mut write: impl FnMut(usize, f64),
+    ) {
         let all = self.values(task, view, inputs, work);
         self.out.iter().enumerate().for_each(|(k, x)| write(k, value(&all, *x)));
         work.numbers = all;

@@ -77,7 +77,8 @@ impl<'a> Sight<'a> {
     pub fn controlled(&self, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
         let joints = self.system.robot.joint_count();
         if action.len() != joints || torques.len() != joints {
-            let text = format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
+            let text =
+                format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
             self.tape.wrong.borrow_mut().get_or_insert(text);
             return;
         }

@@ -142,7 +142,9 @@ impl Number for Traced<'_> {
         match (f, self, other) {
             (_, Self::Number(a), Self::Number(b)) => Self::Number(a.made(f, b)),
             (Function::Mul, Self::Number(1.0), x) | (Function::Mul, x, Self::Number(1.0)) => x,
-            (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => tape.push(Node::Made(f, [self.given(), other.given()])),
+            (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => {
+                tape.push(Node::Made(f, [self.given(), other.given()]))
+            }
         }
     }
 }

@@ -156,10 +156,16 @@ fn functions(task: &Compiled, gradients: bool) -> String {
         text.push_str("}\n");
         if let Some(backward) = backward.filter(|_| gradients) {
             let ends = back(&tape, program, said);
-            let (begin, end) =
-                if asks { ("    Wrench load[NL];\n    unload(load);\n", "    onto(s.work->tree, load, gradient);\n") } else { ("", "") };
+            let (begin, end) = if asks {
+                ("    Wrench load[NL];\n    unload(load);\n", "    onto(s.work->tree, load, gradient);\n")
+            } else {
+                ("", "")
+            };
             let (lines, _) = tape.lines();
-            let _ = writeln!(text, "BIG void task_{name}_back(const Seen& s{given}, const double* by, double* gradient{backward}) {{");
+            let _ = writeln!(
+                text,
+                "BIG void task_{name}_back(const Seen& s{given}, const double* by, double* gradient{backward}) {{"
+            );
             let _ = writeln!(
                 text,
                 "    double by_state[NQ + NV] = {{}};\n{begin}{lines}{ends}{end}    numbers_back(s.state, by_state, gradient);\n}}"
@@ -167,7 +173,11 @@ fn functions(task: &Compiled, gradients: bool) -> String {
         }
     };
     function(Signature("observe", "", "out", Some("")), &task.observe, &task.observe.out);
-    function(Signature("act", ", const double* action", "torques", Some(", double* by_action")), &task.act, &task.act.out);
+    function(
+        Signature("act", ", const double* action", "torques", Some(", double* by_action")),
+        &task.act,
+        &task.act.out,
+    );
     let reward = Signature("reward", ", const double* torques", "out", Some(", double* by_torques"));
     function(reward, &task.reward, &task.reward.out[..1]);
     function(Signature("terminated", "", "out", None), &task.terminated, &task.terminated.out);
@@ -180,8 +190,8 @@ fn functions(task: &Compiled, gradients: bool) -> String {
 }
 
 /// The episode around a solver as GPU code, for scenes and robots within `reach`: kernels `task_act` and `task_judge`.
-/// With `gradients` also the adjoint kernels `task_arrive_back`, `task_acted_back`, `task_leave` and `task_begin_again`.
-/// The text also compiles as plain C++, so tests need no GPU.
+/// With `gradients` also the adjoint kernels `task_arrive_back`, `task_acted_back`, `task_leave` and
+/// `task_begin_again`. The text also compiles as plain C++, so tests need no GPU.
 pub(super) fn episodes(task: &Compiled, reach: Reach, gradients: bool) -> Result<String, String> {
     let (about, mut text) = (task.about(), episode(task.recorded_for(), reach)?);
     let (level, levels) = task.levels().unwrap_or_default();

@@ -7,7 +7,9 @@ use crate::{GAIT, actions, episodes, solver};
 
 #[test]
 fn every_task_resets_and_steps_on_every_solver() {
-    for (which, name) in ["articulated", "rapier"].into_iter().flat_map(|which| names().into_iter().map(move |name| (which, name))) {
+    for (which, name) in
+        ["articulated", "rapier"].into_iter().flat_map(|which| names().into_iter().map(move |name| (which, name)))
+    {
         let mut episodes = episodes(name, which, 4);
         assert_eq!(episodes.observations().len(), 4 * episodes.task.observation_dim(), "{name}");
         for step in 0..60 {
@@ -94,7 +96,11 @@ fn a_snapshot_goes_on_as_if_nothing_had_happened() {
         assert_eq!(again.observations(), whole.observations(), "{name}");
         for step in 80..150 {
             let action = actions(&whole, step);
-            assert_eq!(whole.step(&action).expect("finite"), again.step(&action).expect("finite"), "{name} at step {step}");
+            assert_eq!(
+                whole.step(&action).expect("finite"),
+                again.step(&action).expect("finite"),
+                "{name} at step {step}"
+            );
         }
         let mut other = episodes(name, "articulated", 4);
         assert!(other.restore(&whole.snapshot()).is_err(), "{name}: a snapshot of three environments for four");
@@ -122,7 +128,11 @@ fn an_environment_that_cannot_be_stepped_ends_its_episode_alone() {
         let action = actions(&whole, step);
         let (result, undisturbed) = (broken.step(&action).expect("goes on"), whole.step(&action).expect("finite"));
         let expected = step % 21 == 20;
-        assert_eq!((&result.failed[..], result.terminated[1]), (&[false, expected, false][..], expected), "step {step}");
+        assert_eq!(
+            (&result.failed[..], result.terminated[1]),
+            (&[false, expected, false][..], expected),
+            "step {step}"
+        );
         if expected {
             assert_eq!((result.rewards[1], broken.simulation.batch.frames[1]), (0.0, 0), "step {step}");
         }
@@ -156,7 +166,10 @@ fn fast_starts_are_faster_than_resets_and_end_no_episode() {
         }
         // A cable is at rest in all data and resets.
         let still = system.source == Source::Cable;
-        assert!(if still { fast == 0.0 } else { fast > 2.0 * slow && fast.is_finite() }, "{name}: {slow:.2} by reset, {fast:.2} hurried");
+        assert!(
+            if still { fast == 0.0 } else { fast > 2.0 * slow && fast.is_finite() },
+            "{name}: {slow:.2} by reset, {fast:.2} hurried"
+        );
     }
 }
 

@@ -19,8 +19,11 @@ fn said(task: &Compiled, work: &mut Work, scene: &Scene, k: usize) -> [Vec<f64>;
     let (mut seen, mut torques) = (vec![0.0; task.observation_dim()], vec![0.0; system.robot.joint_count()]);
     task.observe(view, work, &mut seen);
     task.act(view, &some(task.action_dim(), k, 1.2), work, &mut torques);
-    let judged =
-        vec![task.reward(view, &torques, work), task.error(view, work).unwrap_or(-1.0), f64::from(u8::from(task.terminated(view, work)))];
+    let judged = vec![
+        task.reward(view, &torques, work),
+        task.error(view, work).unwrap_or(-1.0),
+        f64::from(u8::from(task.terminated(view, work))),
+    ];
     [seen, torques, judged]
 }
 
@@ -65,7 +68,10 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     };
     let cases = [
         (("\"up\"", "\"upp\""), "observation.2, column 1: no word `upp`: choose from vx, vy, yaw_rate, action_rate, "),
-        (("\"q - default_q\"", "\"q - 2 * velocity\""), "observation.4, column 5: 12 numbers with 3: as many are needed, or one"),
+        (
+            ("\"q - default_q\"", "\"q - 2 * velocity\""),
+            "observation.4, column 5: 12 numbers with 3: as many are needed, or one",
+        ),
         (("max(0, 0.3", "max(0, (0.3"), "reward, column "),
         (("max(0, 0.3", "pow(0.3, 0.3"), "reward, column 8: no function `pow`: choose from exp, "),
         (("step * max(0,", "q + max(0,"), "reward: one number is needed, and this has 12; write sum(..) or mean(..)"),
@@ -84,18 +90,34 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("observation = ", "# "), "task `my.toml`: missing field `observation`"),
         (("\"up\"", "\"up[3]\""), "observation.2, column 4: no number 3: it has 3, counted from 0"),
         (("step * max(0,", "step if up[2] > 0 else max(0,"), "write select(condition, a, b)"),
-        (("joint_deviation = ", "spare = [1]\njoint_deviation = "), "let.spare is array: an expression in quotes is needed, or a number"),
-        (("\"U(-1, 1)\"         #", "\"U(1, -1)\" #"), "`U(1, -1)` is not a range: write U(low, high), the low end first, without units"),
+        (
+            ("joint_deviation = ", "spare = [1]\njoint_deviation = "),
+            "let.spare is array: an expression in quotes is needed, or a number",
+        ),
+        (
+            ("\"U(-1, 1)\"         #", "\"U(1, -1)\" #"),
+            "`U(1, -1)` is not a range: write U(low, high), the low end first, without units",
+        ),
         (("frames = 4", "frame = 4"), "unknown field `frame`"),
-        (("frames = 4", "levels = 4\nframes = 4"), "levels: an episode that succeeds by `error` goes on to higher [terrain]"),
-        (("[let]", "[terrain]\nkind = \"mud\"\nheight = 1.0\n[let]"), "unknown variant `mud`, expected one of `rubble`"),
-        (("[let]", "[terrain]\nkind = \"waves\"\nheight = -1.0\n[let]"), "terrain: `height` is -1 m; a number from 0 to 10 is needed"),
+        (
+            ("frames = 4", "levels = 4\nframes = 4"),
+            "levels: an episode that succeeds by `error` goes on to higher [terrain]",
+        ),
+        (
+            ("[let]", "[terrain]\nkind = \"mud\"\nheight = 1.0\n[let]"),
+            "unknown variant `mud`, expected one of `rubble`",
+        ),
+        (
+            ("[let]", "[terrain]\nkind = \"waves\"\nheight = -1.0\n[let]"),
+            "terrain: `height` is -1 m; a number from 0 to 10 is needed",
+        ),
         (("\"up\"", "\"height_scan(q, [0])\""), "observation.2, column 13: known numbers are needed"),
         (("\"U(-1, 1)\"         #", "1 #"), "a range \"U(low, high)\" is needed, or a list of them"),
     ];
     let mut wrong = Vec::new();
     for (change, expected) in cases {
-        let said = FileTask::new("my.toml", &text(change), Some("anymal")).err().map(|e| e.to_string()).unwrap_or_default();
+        let said =
+            FileTask::new("my.toml", &text(change), Some("anymal")).err().map(|e| e.to_string()).unwrap_or_default();
         if !(said.starts_with("task `my.toml`: ") && said.contains(expected) && !said.contains('\n')) {
             wrong.push(format!("{change:?}: {said}"));
         }
@@ -103,7 +125,10 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
     // A number is an expression.
     let numbers = text(("joint_deviation = ", "spare = -3\njoint_deviation = ")).replace("\"0.1 m/s\"", "0.1");
-    assert_eq!(FileTask::new("my.toml", &numbers, Some("anymal")).map(|task| task.tolerance().0).map_err(|e| e.to_string()), Ok(0.1));
+    assert_eq!(
+        FileTask::new("my.toml", &numbers, Some("anymal")).map(|task| task.tolerance().0).map_err(|e| e.to_string()),
+        Ok(0.1)
+    );
     let said = |name: &str| named(name).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
     assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
@@ -113,10 +138,19 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     );
     assert!(named("ant-run@ant").is_ok() && said("wlk@ant").starts_with("no task `wlk`: "), "{}", said("wlk@ant"));
     let lead = said("wlk@no/lead.toml");
-    assert!(lead.starts_with("no task `wlk` and no file `wlk@no/lead.toml`: choose from ") && lead.contains("walk"), "{lead}");
+    assert!(
+        lead.starts_with("no task `wlk` and no file `wlk@no/lead.toml`: choose from ") && lead.contains("walk"),
+        "{lead}"
+    );
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
-    assert!(said("walk@cube").ends_with("`cube` has no joint that moves: there is nothing to act with"), "{}", said("walk@cube"));
-    for (name, [task, robot]) in [("a@b/my.toml@c@d/go2.xml", ["a@b/my.toml", "c@d/go2.xml"]), ("walk@lead.toml", ["walk", "lead.toml"])] {
+    assert!(
+        said("walk@cube").ends_with("`cube` has no joint that moves: there is nothing to act with"),
+        "{}",
+        said("walk@cube")
+    );
+    for (name, [task, robot]) in
+        [("a@b/my.toml@c@d/go2.xml", ["a@b/my.toml", "c@d/go2.xml"]), ("walk@lead.toml", ["walk", "lead.toml"])]
+    {
         assert_eq!(nerd_tasks::parts(name), (task, Some(robot)));
     }
     assert_eq!(nerd_tasks::parts("a@b/my.toml"), ("a@b/my.toml", None));
@@ -142,9 +176,13 @@ fn old_names_of_a_file_are_read_as_the_new_ones() {
     let [task, read] = [new, &old].map(|text| FileTask::new("mine.toml", text, Some("anymal")).expect("a task"));
     let system = task.system().expect("a robot");
     assert_eq!((read.text(), read.tolerance()), (Some(&*old), task.tolerance()));
-    let kernels = |task| Compiled::new(Box::new(task) as Box<dyn Task>, &system).kernels(Reach::default(), false).expect("kernels");
+    let kernels = |task| {
+        Compiled::new(Box::new(task) as Box<dyn Task>, &system).kernels(Reach::default(), false).expect("kernels")
+    };
     assert_eq!(kernels(task), kernels(read));
-    let said = FileTask::new("mine.toml", &new.replacen("error", "miss = \"1\"\nerror", 1), Some("anymal")).err().map(|e| e.to_string());
+    let said = FileTask::new("mine.toml", &new.replacen("error", "miss = \"1\"\nerror", 1), Some("anymal"))
+        .err()
+        .map(|e| e.to_string());
     let expected = "task `mine.toml`: `miss` is the old name of `error`, and both are given; leave `miss` out";
     assert_eq!(said.as_deref(), Some(expected));
 }
@@ -154,12 +192,13 @@ fn old_names_of_a_file_are_read_as_the_new_ones() {
 fn every_number_of_a_file_has_bounds() {
     let whole = "steps = 500\nframes = 4\nsubsteps = 1\nframe_time = 0.005\nactions = 12\nlevels = 4\ntolerance = 0.1\nobservation = [\"q\"]\n\
                  reward = \"1\"\nerror = \"1\"\n[command]\nvx = \"U(-1, 1)\"\n[terrain]\nkind = \"rubble\"\nheight = 0.1\ncell = 0.1\n";
-    let read = |text: &str| FileTask::new("my.toml", text, Some("anymal")).err().map_or_else(String::new, |e| e.to_string());
+    let read =
+        |text: &str| FileTask::new("my.toml", text, Some("anymal")).err().map_or_else(String::new, |e| e.to_string());
     assert_eq!(read(whole), "");
     let mut wrong = Vec::new();
-    for line in
-        whole.lines().filter(|line| line.contains(|c: char| c.is_ascii_digit()) && !line.contains("q\"") && !line.starts_with(['r', 'e']))
-    {
+    for line in whole.lines().filter(|line| {
+        line.contains(|c: char| c.is_ascii_digit()) && !line.contains("q\"") && !line.starts_with(['r', 'e'])
+    }) {
         let (key, _) = line.split_once(" = ").expect("a key");
         for odd in ["1000000000", "9223372036854775807", "-1", "1e300", "-1e300", "inf", "nan"] {
             let value = if key == "vx" { format!("\"U(-1e300, {odd})\"") } else { odd.into() };
@@ -184,7 +223,8 @@ fn a_height_scan_looks_ahead() {
     for (text, flat) in [(rough, false), (text(""), true)] {
         let task = FileTask::new("height_scan", &text, Some("cube")).expect("a task");
         let system = Task::system(&task).expect("the cube");
-        let (scene, mut seen) = (system.scene(Task::scene(&task)).expect("its scene"), vec![0.0; task.observation_dim()]);
+        let (scene, mut seen) =
+            (system.scene(Task::scene(&task)).expect("its scene"), vec![0.0; task.observation_dim()]);
         let mut state = system.default_state();
         state[..3].copy_from_slice(&[1.3, -0.7, 0.9]);
         // A quarter turn left, then nose down and a roll about the nose.
@@ -240,11 +280,15 @@ fn no_text_brings_a_task_down() {
     };
     for (names, each) in [(400, 16), (100_000, 0), (5000, 30)] {
         let said = chain(names, each);
-        assert!(said.contains("go more than 600 deep into each other") && said.lines().count() == 1, "{names} names: {said}");
+        assert!(
+            said.contains("go more than 600 deep into each other") && said.lines().count() == 1,
+            "{names} names: {said}"
+        );
     }
     assert_eq!(chain(40, 6), "");
     let twice = (0..40).map(|k| format!("a{} = \"[a{k}, a{k}]\"\n", k + 1)).collect::<String>();
-    let text = whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("max(0, 0.3", "max(0, sum(a40) + 0.3");
+    let text =
+        whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("max(0, 0.3", "max(0, sum(a40) + 0.3");
     let said = FileTask::new("twice", &text, Some("ant")).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said.contains("are borne"), "{said}");
 }

@@ -27,7 +27,8 @@ struct Place {
 fn gradients(task: &Compiled, scene: &Scene, work: &mut Work, at: &Place) -> [Vec<f64>; 5] {
     let robot = work.system.robot.clone();
     let [seen, tau, reward] = &at.by;
-    let mut found = [2 * robot.nv(), 2 * robot.nv(), 2 * robot.nv(), at.action.len(), at.torques.len()].map(|n| vec![0.0; n]);
+    let mut found =
+        [2 * robot.nv(), 2 * robot.nv(), 2 * robot.nv(), at.action.len(), at.torques.len()].map(|n| vec![0.0; n]);
     let [of_seen, of_act, of_reward, by_action, by_torques] = &mut found;
     let view = View { state: &at.state, goal: &at.goal, scene };
     task.observe_back(view, work, seen, of_seen);
@@ -57,7 +58,9 @@ fn differences(task: &Compiled, scene: &Scene, work: &mut Work, at: &Place, held
         };
         (0..n).map(|k| (at(k, h) - at(k, -h)) / (2.0 * h)).collect()
     };
-    let pushed = |of: &[f64], k: usize, by: f64| of.iter().enumerate().map(|(i, x)| x + if i == k { by } else { 0.0 }).collect::<Vec<_>>();
+    let pushed = |of: &[f64], k: usize, by: f64| {
+        of.iter().enumerate().map(|(i, x)| x + if i == k { by } else { 0.0 }).collect::<Vec<_>>()
+    };
     let by_state = |k: usize, by: f64| {
         let (mut to, mut change) = (state.clone(), vec![0.0; d]);
         change[k] = by;
@@ -81,7 +84,12 @@ impl Task for Near {
     fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]) {
         let ([x, y, z], gap) = (sight.place(2, [0.1, 0.2, -0.3]), sight.distance(1));
         let (one, other) = (x.abs() * sight.qd(3), sight.q(4) / (one_and(y) + gap.squared()));
-        out.copy_from_slice(&[one.max(other), one.min(other), (gap.squared() + z.squared()).sqrt(), gap.wrap() - sight.distance(0)]);
+        out.copy_from_slice(&[
+            one.max(other),
+            one.min(other),
+            (gap.squared() + z.squared()).sqrt(),
+            gap.wrap() - sight.distance(0),
+        ]);
     }
 
     fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
@@ -141,7 +149,9 @@ fn gradients_of_every_task_are_those_of_differences_and_of_kernels() {
         for at in &places {
             let found = gradients(&task, &scene, &mut work, at);
             let expected = differences(&task, &scene, &mut work, at, held);
-            off.iter_mut().zip(found.iter().zip(&expected)).for_each(|(off, (a, b))| *off = off.max(apart(&a[..b.len()], b)));
+            off.iter_mut()
+                .zip(found.iter().zip(&expected))
+                .for_each(|(off, (a, b))| *off = off.max(apart(&a[..b.len()], b)));
             all.extend(found.concat());
         }
         println!("{name}: observation, act, reward by the state, act by action, reward by torques: {off:?} off");
@@ -151,7 +161,8 @@ fn gradients_of_every_task_are_those_of_differences_and_of_kernels() {
         let Some(compiler) = &compiler else { continue };
         let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
         let text = task.kernels(reach, true).expect("kernels");
-        let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
+        let column =
+            |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
         let columns = [
             column(&|at| &at.state),
             column(&|at| &at.goal),
@@ -163,7 +174,11 @@ fn gradients_of_every_task_are_those_of_differences_and_of_kernels() {
             recorded(&played.simulation.batch),
         ];
         let found = vec![0.0; N * (3 * wide + task.action_dim() + joints)];
-        let buffers = [&columns[..], &[found]].concat().iter().map(|numbers| bytes(numbers, f64::to_le_bytes)).collect::<Vec<_>>();
+        let buffers = [&columns[..], &[found]]
+            .concat()
+            .iter()
+            .map(|numbers| bytes(numbers, f64::to_le_bytes))
+            .collect::<Vec<_>>();
         let kernels = doubles(&compiler.launch(&text, &format!("const int N = {N};{LAUNCHES}"), &buffers)[8]);
         assert_eq!(kernels.len(), N * (3 * wide + task.action_dim() + joints));
         let off = apart(&kernels, &all);

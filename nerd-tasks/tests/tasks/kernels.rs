@@ -42,7 +42,8 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
         // All levels, some with small and some with large errors so far.
         let mut kept = episodes.snapshot();
         for (env, goal) in kept.goals.chunks_exact_mut(episodes.task.goal_dim()).enumerate() {
-            (goal[at], goal[at + 1]) = ((1 + env % levels) as f64 / levels as f64, if env % 2 == 0 { 1.0 } else { 1e6 });
+            (goal[at], goal[at + 1]) =
+                ((1 + env % levels) as f64 / levels as f64, if env % 2 == 0 { 1.0 } else { 1e6 });
         }
         episodes.restore(&kept).expect("its own");
         assert_eq!(episodes.simulation.batch.scenes[0].terrain().expect("terrain").1.scale(), 1.0 / levels as f64);
@@ -58,12 +59,14 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     LATE.iter().for_each(|env| batch.frames[*env] = length - 1);
     if system.sensed() {
         let (mut kept, frames) = (episodes.snapshot(), LATEST as usize);
-        kept.past_states =
-            (0..frames).flat_map(|k| kept.states.iter().zip(some(N * d, k, 0.3)).map(|(x, off)| x + off).collect::<Vec<_>>()).collect();
+        kept.past_states = (0..frames)
+            .flat_map(|k| kept.states.iter().zip(some(N * d, k, 0.3)).map(|(x, off)| x + off).collect::<Vec<_>>())
+            .collect();
         kept.past_torques = vec![0.0; frames * N * system.robot.joint_count()];
         episodes.restore(&kept).expect("its own");
     }
-    let actions = (0..N * episodes.task.action_dim()).map(|k| f64::from((1.3 * (k as f32 * 0.9).sin()).clamp(-1.0, 1.0)));
+    let actions =
+        (0..N * episodes.task.action_dim()).map(|k| f64::from((1.3 * (k as f32 * 0.9).sin()).clamp(-1.0, 1.0)));
     let actions = actions.collect();
     (episodes, actions)
 }
@@ -100,13 +103,23 @@ const LAUNCHES: &str = "
 /// Runs the task's kernels on the present state of `episodes`.
 fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
     let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
-    let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
-    let (numbers, zeros) = (|values: &[f64]| bytes(values, f64::to_le_bytes), |size: usize, width: usize| vec![0; size * N * width]);
-    let (whole, counts) = (|values: Vec<i32>| bytes(&values, i32::to_le_bytes), |values: &[u64]| bytes(values, u64::to_le_bytes));
+    let (d, joints, row) =
+        (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
+    let (numbers, zeros) =
+        (|values: &[f64]| bytes(values, f64::to_le_bytes), |size: usize, width: usize| vec![0; size * N * width]);
+    let (whole, counts) =
+        (|values: Vec<i32>| bytes(&values, i32::to_le_bytes), |values: &[u64]| bytes(values, u64::to_le_bytes));
     // Per environment, the newest first.
     let past = kept.past_states.chunks_exact(batch.states.len()).rev().collect::<Vec<_>>();
-    let before = (0..N).flat_map(|env| past.iter().flat_map(move |all| all[env * d..][..d].to_vec())).collect::<Vec<f64>>();
-    let world = [numbers(&batch.states), numbers(&kept.goals), zeros(8, joints), numbers(&recorded(batch)), whole((0..N as i32).collect())];
+    let before =
+        (0..N).flat_map(|env| past.iter().flat_map(move |all| all[env * d..][..d].to_vec())).collect::<Vec<f64>>();
+    let world = [
+        numbers(&batch.states),
+        numbers(&kept.goals),
+        zeros(8, joints),
+        numbers(&recorded(batch)),
+        whole((0..N as i32).collect()),
+    ];
     let ends = [zeros(4, 1), zeros(4, 1), counts(&batch.frames), counts(&kept.begun), zeros(4, 2), numbers(&before)];
     let actions = bytes(&actions.iter().map(|x| *x as f32).collect::<Vec<_>>(), f32::to_le_bytes);
     let given = [whole((0..N).map(|env| i32::from(env == FAILS)).collect()), actions, numbers(rows)];
@@ -123,7 +136,10 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
 
 fn apart(a: &[f64], b: &[f64]) -> f64 {
     assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).abs() / (1.0 + b.abs()))
+        .fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
 /// Compares a step of a task's episodes in kernels and on the CPU; false if the task has no kernels.
@@ -141,11 +157,13 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     let made = run(compiler, &text, &episodes, &actions, &before);
     episodes.trace();
     let begun = episodes.snapshot();
-    let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
+    let StepResult { rewards, terminated, truncated, reached, failed, .. } =
+        episodes.step(&actions).expect("it can be stepped");
     let failed = failed.iter().filter(|failed| **failed).count();
     let (after, trace) = (episodes.snapshot(), episodes.trace());
     let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
-    let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
+    let ends: Vec<u8> =
+        terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
     assert_eq!((&made.ends, made.failed as usize), (&ends, failed), "{name}: how episodes ended");
     assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
     assert_eq!(made.frames, episodes.simulation.batch.frames, "{name}: frames");
@@ -193,7 +211,8 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
 fn every_task_without_plain_code_is_the_same_in_kernels() {
     let Some(compiler) = Compiler::find() else { return };
     let robot = |name: &str| named(name).expect("a task").system().expect("a robot");
-    let count = every().into_iter().chain(["rough@anymal"]).filter(|name| is_the_same(&compiler, name, &robot(name))).count();
+    let count =
+        every().into_iter().chain(["rough@anymal"]).filter(|name| is_the_same(&compiler, name, &robot(name))).count();
     assert_eq!(count, 13, "tasks with kernels");
 }
 
@@ -205,7 +224,13 @@ fn robots_of_a_family_are_the_same_in_kernels() {
     for name in ["anymal-forward", "franka-reach"] {
         let mut system = (*named(name).expect("a task").system().expect("a robot")).clone();
         let (root, blur) = (system.robot.floating(), range(0.0, 0.1));
-        let mut spec = VarySpec { mass: range(0.5, 1.5), gain: range(0.5, 1.5), noise: blur, lag: range(0.0, 2.0), ..VarySpec::default() };
+        let mut spec = VarySpec {
+            mass: range(0.5, 1.5),
+            gain: range(0.5, 1.5),
+            noise: blur,
+            lag: range(0.0, 2.0),
+            ..VarySpec::default()
+        };
         if root {
             spec = VarySpec { root_noise: blur, orientation_noise: blur, push: range(0.1, 0.5), ..spec };
             spec.push_every = Some(3.0 * system.frame_time);
@@ -249,7 +274,8 @@ impl Task for Astray {
 #[test]
 fn a_formula_that_reaches_too_far_is_refused() {
     let system = System::named("cartpole").expect("a robot");
-    let said =
-        Compiled::new(Box::new(Astray) as Box<dyn Task>, &system).kernels(Reach::default(), true).expect_err("there are two coordinates");
+    let said = Compiled::new(Box::new(Astray) as Box<dyn Task>, &system)
+        .kernels(Reach::default(), true)
+        .expect_err("there are two coordinates");
     assert_eq!(said, "task `astray`, `reward`: number 9 of 2 coordinates is asked for");
 }

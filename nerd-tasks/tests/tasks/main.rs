@@ -26,7 +26,9 @@ fn solver(which: &str, system: &System) -> Box<dyn Solver> {
     match which {
         "rapier" => Box::new(Rapier::new(RapierConfig::default())),
         // A cable's springs need an implicit method.
-        _ if system.source == Source::Cable => Box::new(Articulated::new(ArticulatedConfig::implicit(2, Friction::Coulomb))),
+        _ if system.source == Source::Cable => {
+            Box::new(Articulated::new(ArticulatedConfig::implicit(2, Friction::Coulomb)))
+        }
         _ => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),
     }
 }

@@ -13,7 +13,11 @@ impl Bench {
     pub fn new(name: &str) -> Self {
         let task = named(name).expect("registered");
         let system = System::named(task.robot()).expect("built in");
-        Self { scene: system.scene(task.scene()).expect("known"), work: Work::new(&system), task: Compiled::new(task, &system) }
+        Self {
+            scene: system.scene(task.scene()).expect("known"),
+            work: Work::new(&system),
+            task: Compiled::new(task, &system),
+        }
     }
 
     pub fn reward(&mut self, state: &[f64], goal: &[f64], torques: &[f64]) -> f64 {
@@ -57,7 +61,9 @@ fn cartpole_swings_up() {
     near(bench.reward(&[2.0, 1.0, 4.0, 3.0], &[], &[0.0; 2]), 1.3, "on the move");
     near(bench.reward(&[2.0, 1.0 + std::f64::consts::TAU, 4.0, 3.0], &[], &[0.0; 2]), 1.3, "a turn further");
     assert!(
-        bench.terminated(&[4.01, 0.0, 0.0, 0.0]) && bench.terminated(&[0.0, 0.0, -10.1, 0.0]) && bench.terminated(&[0.0, 0.0, 0.0, 10.1])
+        bench.terminated(&[4.01, 0.0, 0.0, 0.0])
+            && bench.terminated(&[0.0, 0.0, -10.1, 0.0])
+            && bench.terminated(&[0.0, 0.0, 0.0, 10.1])
     );
     assert!(!bench.terminated(&[3.99, 3.0, 9.9, -9.9]));
     assert_eq!(bench.torques(&[0.0; 4], &[0.5]), [750.0, 0.0]);
@@ -98,7 +104,10 @@ fn the_ant_runs_spins_and_tracks() {
     for (k, (found, by_hand)) in seen.iter().zip(head.iter().chain(&tail)).enumerate() {
         near(*found, *by_hand, &format!("number {k} of the observation"));
     }
-    assert_eq!(bench.torques(&moving, &[0.25, -2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), [100.0, -400.0, 0.0, 0.0, 0.0, 0.0, 0.0, 400.0]);
+    assert_eq!(
+        bench.torques(&moving, &[0.25, -2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]),
+        [100.0, -400.0, 0.0, 0.0, 0.0, 0.0, 0.0, 400.0]
+    );
     let mut low = moving.clone();
     low[1] = 0.29;
     assert!(!bench.terminated(&moving) && bench.terminated(&low), "0.29 m is too low");
@@ -120,7 +129,12 @@ fn the_franka_reaches() {
         // At zero angles the arm stands up: 0.333 + 0.316 + 0.384 up, 0.088 out, then down by the tool's 0.21207.
         let seen = bench.observe(&zero, &[0.5, 0.1, 0.2]);
         for (k, by_hand) in [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.21207, 0.5, 0.1, 0.2].into_iter().enumerate() {
-            assert!((seen[7 + k] - by_hand).abs() < 1e-6, "{name}: number {}: {}, by hand {by_hand}", 7 + k, seen[7 + k]);
+            assert!(
+                (seen[7 + k] - by_hand).abs() < 1e-6,
+                "{name}: number {}: {}, by hand {by_hand}",
+                7 + k,
+                seen[7 + k]
+            );
         }
         // At the target both peaks are 1 / (2 + 1e-4).
         let tool: Vec<f64> = seen[7..10].to_vec();
@@ -141,7 +155,10 @@ fn the_franka_reaches() {
     near(tau[1], 600.0 * 0.03125, "joint 2 by a clamped action");
     near(tau[4], 250.0 * 0.03125, "joint 5");
     let mut torque = Bench::new("franka-reach-torque");
-    assert_eq!(torque.torques(&state, &[1.0, -2.0, 0.5, 0.0, 1.0, 0.0, -0.5]), [87.0, -87.0, 43.5, 0.0, 12.0, 0.0, -6.0]);
+    assert_eq!(
+        torque.torques(&state, &[1.0, -2.0, 0.5, 0.0, 1.0, 0.0, -0.5]),
+        [87.0, -87.0, 43.5, 0.0, 12.0, 0.0, -6.0]
+    );
 }
 
 #[test]
@@ -157,7 +174,9 @@ fn anymal_walks_forward_and_sideways() {
         near(bench.reward(&state, &[], &[1000.0; 12]), 0.0, "never below nothing");
         let seen = bench.observe(&state, &[]);
         assert_eq!(seen.len(), 37);
-        for (k, by_hand) in [(0, 0.7), (5, x), (7, z), (9, 0.3), (11, 0.03), (12, 0.4), (13, -0.8), (35, 1.0), (36, 1.0)] {
+        for (k, by_hand) in
+            [(0, 0.7), (5, x), (7, z), (9, 0.3), (11, 0.03), (12, 0.4), (13, -0.8), (35, 1.0), (36, 1.0)]
+        {
             near(seen[k], by_hand, &format!("number {k} of the observation"));
         }
         assert!(!bench.terminated(&state), "standing");

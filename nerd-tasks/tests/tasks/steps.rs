@@ -39,7 +39,9 @@ struct Given {
 fn given(width: usize, a: usize, joints: usize, frames: usize) -> Given {
     let steps = HORIZON * N;
     let ends: Vec<u8> = (0..steps).map(|i| [0, u8::from(i / N == 1), 2 * u8::from(i / N == 0), 0][i % N % 4]).collect();
-    let asked = |i: usize| if ends[i] == 2 { (N + i % N) as i32 } else { if i / N + 1 == HORIZON { (i % N) as i32 } else { -1 } };
+    let asked = |i: usize| {
+        if ends[i] == 2 { (N + i % N) as i32 } else { if i / N + 1 == HORIZON { (i % N) as i32 } else { -1 } }
+    };
     let mut pushed = some(steps * frames * joints, 4, 1.0);
     if let Some(x) = pushed.get_mut((frames * N + BREAKS) * joints) {
         *x = f64::INFINITY;
@@ -67,8 +69,10 @@ type Found = (Vec<f64>, Vec<f64>, Vec<f64>);
 fn on_cpu(task: &Compiled, scene: &Scene, work: &mut Work, trace: &Trace, x: &Given) -> Found {
     let robot = work.system.robot.clone();
     let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
-    let (a, width, goals, frames) = (task.action_dim(), task.observation_dim(), task.goal_dim(), task.frames() as usize);
-    let (mut by_first, mut by_mean, mut by_spread) = (Vec::new(), vec![0.0; HORIZON * N * a], vec![0.0; HORIZON * N * a]);
+    let (a, width, goals, frames) =
+        (task.action_dim(), task.observation_dim(), task.goal_dim(), task.frames() as usize);
+    let (mut by_first, mut by_mean, mut by_spread) =
+        (Vec::new(), vec![0.0; HORIZON * N * a], vec![0.0; HORIZON * N * a]);
     for env in 0..N {
         let at = |frame: usize| frame * N + env;
         let view = |state, frame: usize| View { state, goal: &trace.goals[at(frame) * goals..][..goals], scene };
@@ -84,7 +88,12 @@ fn on_cpu(task: &Compiled, scene: &Scene, work: &mut Work, trace: &Trace, x: &Gi
             if t + 1 == HORIZON || x.ends[i] > 0 {
                 gradient.fill(0.0);
             } else {
-                task.observe_back(seen(last + 1), work, &by(&x.seen[(i + N) * width..], &x.by_seen[i * width..]), &mut gradient);
+                task.observe_back(
+                    seen(last + 1),
+                    work,
+                    &by(&x.seen[(i + N) * width..], &x.by_seen[i * width..]),
+                    &mut gradient,
+                );
             }
             let (mut tau, mut by_action, reached) = (vec![0.0; joints], vec![0.0; a], &trace.reached[i * d..][..d]);
             if !reached[0].is_nan() {
@@ -140,8 +149,10 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
     let Some(compiler) = Compiler::find() else { return };
     for name in every().into_iter().filter(|name| *name != "lead-tip") {
         let mut played = episodes(name, "articulated", N);
-        let (system, task) =
-            (played.simulation.batch.system.clone(), Compiled::new(named(name).expect("registered"), &played.simulation.batch.system));
+        let (system, task) = (
+            played.simulation.batch.system.clone(),
+            Compiled::new(named(name).expect("registered"), &played.simulation.batch.system),
+        );
         let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
         let (a, width, frames) = (task.action_dim(), task.observation_dim(), task.frames() as usize);
         played.trace();
@@ -155,7 +166,17 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let text = task.kernels(reach, true).expect("kernels");
         let steps = HORIZON * N;
         let scenes = recorded(&played.simulation.batch);
-        let read = [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares];
+        let read = [
+            &trace.states,
+            &trace.goals,
+            &trace.torques,
+            &trace.reached,
+            &x.seen,
+            &x.rows,
+            &x.mean,
+            &x.inverse,
+            &x.shares,
+        ];
         let numbers = |x: &Vec<f64>| bytes(x, f64::to_le_bytes);
         let mut buffers = read.map(numbers).to_vec();
         buffers.extend([x.ends.clone(), numbers(&scenes), vec![0; 4 * N], bytes(&x.asked, i32::to_le_bytes)]);
@@ -166,16 +187,24 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let launches = format!("const int N = {N}, HORIZON = {HORIZON};\nconst double SCALE = {SCALE};{LAUNCHES}");
         let found = compiler.launch(&text, &launches, &buffers);
         let single = |k: usize| floats(&found[k]).into_iter().map(f64::from).collect::<Vec<f64>>();
-        let (mut gradient, said, mut spread, without) = (doubles(&found[16]), single(21), single(22), found[20].as_chunks::<4>().0);
+        let (mut gradient, said, mut spread, without) =
+            (doubles(&found[16]), single(21), single(22), found[20].as_chunks::<4>().0);
         let mut mean: Vec<f64> = said.chunks(a + 1).flat_map(|row| row[..a].to_vec()).collect();
         assert!(said.chunks(a + 1).all(|row| row[a] == 0.0), "{name}: gradients by values");
         let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
         assert_eq!(broken, [BREAKS], "{name}: environments without gradients");
         // The environment without gradients contributes nothing, and is not compared.
-        let steps =
-            |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
+        let steps = |x: &[f64]| {
+            x.chunks(a)
+                .enumerate()
+                .filter(|(i, _)| i % N == BREAKS)
+                .flat_map(|(_, row)| row.to_vec())
+                .collect::<Vec<_>>()
+        };
         assert!(steps(&mean).iter().chain(&steps(&spread)).all(|x| *x == 0.0), "{name}: it still teaches");
-        for (numbers, width) in [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)] {
+        for (numbers, width) in
+            [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)]
+        {
             numbers.chunks_mut(width).enumerate().filter(|(i, _)| i % N == BREAKS).for_each(|(_, row)| row.fill(0.0));
         }
         gradient[BREAKS * wide..][..wide].fill(0.0);

@@ -12,12 +12,16 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
         let solver = |device: Device| device.neural(&Path::new("models").join(robot), &system, None, N);
         beside(checks, robot, (&system, scene, N), [solver(Device::Cuda)?, solver(Device::Cpu)?], Some(1e-3))?;
     }
-    for (robot, real, most) in
-        [("ant", Real::F64, Some(1e-6)), ("anymal", Real::F64, Some(1e-6)), ("ant", Real::F32, None), ("anymal", Real::F32, None)]
-    {
+    for (robot, real, most) in [
+        ("ant", Real::F64, Some(1e-6)),
+        ("anymal", Real::F64, Some(1e-6)),
+        ("ant", Real::F32, None),
+        ("anymal", Real::F32, None),
+    ] {
         let system = System::named(robot)?;
         let config = ArticulatedConfig::accurate(&system);
-        let both: [Box<dyn Solver>; 2] = [Box::new(CudaArticulated::new(config, real)), Box::new(Articulated::new(config))];
+        let both: [Box<dyn Solver>; 2] =
+            [Box::new(CudaArticulated::new(config, real)), Box::new(Articulated::new(config))];
         beside(checks, &format!("{robot}, articulated {real:?}"), (&system, "ground", MANY), both, most)?;
     }
     Ok(())
@@ -48,7 +52,8 @@ fn beside(
         Some(most) => checks.demand(off.iter().all(|off| *off < most), format!("{what}; {off:?}")),
         None => {
             let width = by.len() / n;
-            let mut off: Vec<f64> = there.states.chunks(width).zip(here.states.chunks(width)).map(|(a, b)| largest(a, b)).collect();
+            let mut off: Vec<f64> =
+                there.states.chunks(width).zip(here.states.chunks(width)).map(|(a, b)| largest(a, b)).collect();
             off.sort_by(f64::total_cmp);
             checks.demand(off[n / 2] < 1e-3, format!("{what}; by states {:.1e} in the median", off[n / 2]));
         }

@@ -2,7 +2,9 @@
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::program::specimens::{Specimen, TOKENS, WINDOWS, networks, operations as each};
-use nerd_model::transformer::{Architecture, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights};
+use nerd_model::transformer::{
+    Architecture, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights,
+};
 use nerd_train::learner::cuda::{CudaForward, CudaProgram, CudaStream, Precision};
 
 use crate::with::{Checks, Outcome, apart, numbers, others, weights, windows as drawn, worse};
@@ -12,7 +14,8 @@ use crate::with::{Checks, Outcome, apart, numbers, others, weights, windows as d
 pub fn operations(checks: &mut Checks) -> Outcome {
     for specimen in each().into_iter().chain(networks()) {
         let Specimen { program, flat, tokens, upstream, name } = &specimen;
-        let (expected, mut cuda) = (specimen.by_burn(), CudaProgram::new(program.clone(), flat, Precision::F32, WINDOWS, TOKENS)?);
+        let (expected, mut cuda) =
+            (specimen.by_burn(), CudaProgram::new(program.clone(), flat, Precision::F32, WINDOWS, TOKENS)?);
         let mut worst = 0.0f32;
         for _ in 0..2 {
             let predictions = cuda.forward(tokens)?;
@@ -38,7 +41,10 @@ pub fn windows(checks: &mut Checks) -> Outcome {
             PackedForward::new(&w).forward(&inputs, tokens, &last, &mut there)?;
             cuda.forward(&inputs, tokens, &last, &mut here)?;
             let off = apart(&here, &there);
-            checks.demand(off < 1e-4, format!("{:?}, {count} windows of {tokens}: {off:.1e} from the CPU", config.architecture));
+            checks.demand(
+                off < 1e-4,
+                format!("{:?}, {count} windows of {tokens}: {off:.1e} from the CPU", config.architecture),
+            );
         }
     }
     for config in others().iter().filter(is_chain) {
@@ -80,7 +86,10 @@ pub fn refusals(checks: &mut Checks) -> Outcome {
     let table = TransformerConfig { positions: Positions::Table, ..rotary };
     for other in [table, TransformerConfig { architecture: Architecture::Chain, ..table }] {
         let made = CudaStream::new(&Weights::init(other, 0), Precision::F32, 4).err().map(|e| e.to_string());
-        checks.demand(made.is_some_and(|e| e.contains("sees no windows")), format!("{:?} frame by frame", other.architecture));
+        checks.demand(
+            made.is_some_and(|e| e.contains("sees no windows")),
+            format!("{:?} frame by frame", other.architecture),
+        );
     }
     checks.demand(CudaForward::new(&weights(rotary), Precision::F32, 4).is_err(), "windows of rotary positions".into());
     let mut first = 0;

@@ -13,8 +13,8 @@ const HORIZON: usize = 16;
 const APART: f64 = 1e-4;
 const SHARE: f64 = 0.02;
 
-/// The last minibatch of a pass is smaller. The learning rate is fixed (`target_kl` 0): rounding may carry the KL divergence
-/// across its threshold.
+/// The last minibatch of a pass is smaller. The learning rate is fixed (`target_kl` 0): rounding may carry the KL
+/// divergence across its threshold.
 fn config(stack: usize, activation: Activation) -> PpoConfig {
     let hidden = vec![64, 32];
     PpoConfig {
@@ -67,7 +67,9 @@ impl Side {
         cpu.rollout = self.engine.rollout()?;
         let here = cpu.update(&mut one.0, &mut one.1, config, orders)?;
         let there = self.engine.update(&mut other.0, &mut other.1, config, orders)?;
-        let moments = |p: &Policy| [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat();
+        let moments = |p: &Policy| {
+            [&p.seen, &p.returns].map(|m| [&m.mean[..], &m.variance[..], &[m.count][..]].concat()).concat()
+        };
         let terms = |u: &Updated| [u.terms.actor, u.terms.critic, u.gradient_norm];
         let found = [largest(&terms(&there), &terms(&here)), largest(&moments(&other.0), &moments(&one.0))];
         Ok([share_of_way(&one.0.flat, &other.0.flat, &first.flat), worse(0.0, found)])
@@ -80,7 +82,11 @@ pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
     episodes.climb();
     let length = episodes.task.episode_length() * episodes.task.frames();
     let mut kept = episodes.snapshot();
-    kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
+    kept.frames
+        .iter_mut()
+        .enumerate()
+        .filter(|(env, _)| env % 5 == 0)
+        .for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
     episodes.restore(&kept)?;
     Ok(episodes)
 }
@@ -93,11 +99,13 @@ pub fn policies(checks: &mut Checks) -> Outcome {
         let host = under_way("cartpole-swingup", &Arena::Solver(SolverSpec::implicit(4)), N)?;
         let config = PpoConfig { value_clip, ent_coef: 0.01, state_dependent_std, ..config(2, activation) };
         let shape = Shape::of(&*host.task, &config);
-        let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape, &config)?);
+        let (policy, mut side) =
+            (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape, &config)?);
         side.roll(&policy, &config, 0)?;
         let [apart, found] = side.learn(&policy, &config)?;
-        let what =
-            format!("{activation:?}: weights {apart:.1e} of their way from those that the CPU learns, terms and moments {found:.1e}");
+        let what = format!(
+            "{activation:?}: weights {apart:.1e} of their way from those that the CPU learns, terms and moments {found:.1e}"
+        );
         checks.demand(apart < 1e-2 && found < 1e-3, what);
     }
     Ok(())
@@ -120,7 +128,8 @@ pub fn tasks(checks: &mut Checks) -> Outcome {
         let mut family = (*System::named(&format!("{robot}-family"))?).clone();
         if let Some(vary) = &mut family.spec.vary {
             (vary.gain, vary.lag, vary.push) = (range(0.8, 1.2), range(0.0, 2.0), range(0.0, 0.5));
-            (vary.noise, vary.root_noise, vary.orientation_noise) = (range(0.0, 0.01), range(0.0, 0.01), range(0.0, 0.01));
+            (vary.noise, vary.root_noise, vary.orientation_noise) =
+                (range(0.0, 0.01), range(0.0, 0.01), range(0.0, 0.01));
             vary.push_every = Some(0.1);
         }
         task_alike(checks, task, &Arena::Family(SolverSpec::default().on(Device::Cuda), family.into()))?;
@@ -133,10 +142,12 @@ fn range(low: f64, high: f64) -> Option<Range> {
 }
 
 fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
-    let (host, config) = (under_way(task, arena, N)?, config(if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu));
+    let (host, config) =
+        (under_way(task, arena, N)?, config(if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu));
     let shape = Shape::of(&*host.task, &config);
     let policy = Policy::new(shape.clone(), &mut stream(8, 0));
-    let (mut cpu, mut gpu) = (Side::new(host, false, &shape, &config)?, Side::new(under_way(task, arena, N)?, true, &shape, &config)?);
+    let (mut cpu, mut gpu) =
+        (Side::new(host, false, &shape, &config)?, Side::new(under_way(task, arena, N)?, true, &shape, &config)?);
     let title = format!("{task} on {}", arena.title()?);
     for number in 0..2 {
         let ((one, told), (other, said)) = (cpu.roll(&policy, &config, number)?, gpu.roll(&policy, &config, number)?);
@@ -149,7 +160,9 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
             share(&cpu.running.stack.rows, &gpu.running.stack.rows),
         ];
         let near = told.ended.len().abs_diff(said.ended.len()) as f64 <= 1.0 + SHARE * told.ended.len() as f64;
-        let what = format!("{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:?} of them apart");
+        let what = format!(
+            "{title}, rollout {number}: observations, actions, values, advantages, rows: {shares:?} of them apart"
+        );
         checks.demand(gpu.engine.has_episodes() && near && shares.iter().all(|share| *share <= SHARE), what);
     }
     let [apart, _] = gpu.learn(&policy, &config)?;
@@ -159,8 +172,10 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
     other.engine.restore(&mut other.episodes, &kept)?;
     other.running = gpu.running.clone();
     let (gone_on, begun_again) = (gpu.roll(&policy, &config, 2)?.0, other.roll(&policy, &config, 2)?.0);
-    let (share, exact) =
-        (share(&gone_on.observations, &begun_again.observations), arena.spec().is_some_and(|spec| spec.folder().is_none()));
+    let (share, exact) = (
+        share(&gone_on.observations, &begun_again.observations),
+        arena.spec().is_some_and(|spec| spec.folder().is_none()),
+    );
     let same = gone_on.observations == begun_again.observations;
     checks.demand(share <= SHARE && (same || !exact), format!("{title}, gone on from a snapshot: {share:.1e} apart"));
     Ok(())

@@ -49,8 +49,14 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let (noise, orders, mut adam) =
         (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
     let first = policy.flat.clone();
-    let stage =
-        RolloutInput { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
+    let stage = RolloutInput {
+        episodes: &mut episodes,
+        running: &mut running,
+        policy: &policy,
+        config: &config,
+        noise,
+        stop: Default::default(),
+    };
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
         card.roll(stage)?;
@@ -77,7 +83,11 @@ fn critics(engine: &mut dyn Engine) -> Outcome<[Vec<f32>; 2]> {
 pub fn shac(checks: &mut Checks) -> Outcome {
     for (task, exact) in TASKS.into_iter().flat_map(|task| [(task, false), (task, true)]) {
         let name = if exact { "articulated" } else { "model" };
-        let both = if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
+        let both = if exact {
+            [articulated(true), articulated(false)]
+        } else {
+            [model(task, Device::CudaF32)?, model(task, Device::Cpu)?]
+        };
         if let Err(error) = gradients(checks, task, name, &both) {
             checks.demand(false, format!("{task} in the {name}: {error}"));
         }
@@ -100,7 +110,9 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
         here.earned,
     );
     let seconds = started.elapsed().as_secs_f64();
-    checks
-        .demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
+    checks.demand(
+        there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2),
+        format!("{what}; {seconds:.1} s"),
+    );
     Ok(())
 }

@@ -49,12 +49,17 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         }
         new()?.roll(&mut all, &frames.concat(), 30)?;
         let name = format!("{} in {setting}, {precision:?}", system.name);
-        checks
-            .demand(one.states == all.states && one.frames == all.frames, format!("{name}: frames one by one and in a row, the same bits"));
+        checks.demand(
+            one.states == all.states && one.frames == all.frames,
+            format!("{name}: frames one by one and in a row, the same bits"),
+        );
         let d = system.robot.state_dim();
         let mut apart: Vec<f64> = one.states.chunks(d).zip(cpu.states.chunks(d)).map(|(a, b)| largest(a, b)).collect();
         apart.sort_by(f64::total_cmp);
-        checks.demand(apart[32] < most, format!("{name}: {:.1e} from the CPU in the median of 64, {:.1e} at most", apart[32], apart[63]));
+        checks.demand(
+            apart[32] < most,
+            format!("{name}: {:.1e} from the CPU in the median of 64, {:.1e} at most", apart[32], apart[63]),
+        );
 
         let (mut sound, mut harmed) = (batch(system, 64)?, batch(system, 64)?);
         harmed.states[41 * d + 9] = f64::NAN;
@@ -74,7 +79,10 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
             stepped.step(&mut one, torques)?;
             other.step(&mut fresh, torques)?;
         }
-        checks.demand(one.state(3) == fresh.state(3), format!("{name}: an environment that begins anew, the bits of a fresh one"));
+        checks.demand(
+            one.state(3) == fresh.state(3),
+            format!("{name}: an environment that begins anew, the bits of a fresh one"),
+        );
     }
     refused(checks, &ant)?;
     // A cube has no torques to upload.
@@ -121,7 +129,8 @@ pub fn predictions(checks: &mut Checks) -> Outcome {
     let idle = vec![0.0; n * ant.robot.joint_count()];
     resident(&setting, &ant, Real::F32, Precision::F32)?.roll(&mut many, &idle, 25)?;
     let noted = Arc::new(Mutex::default());
-    Neural::new(model.clone(), Box::new(Noted(packed(&model.weights), noted.clone()))).step(&mut many.clone(), &idle)?;
+    Neural::new(model.clone(), Box::new(Noted(packed(&model.weights), noted.clone())))
+        .step(&mut many.clone(), &idle)?;
     let [tokens, wanted] = noted.lock().unwrap_or_else(|lost| lost.into_inner()).clone();
     let mut errors = Vec::new();
     for precision in [Precision::F32, Precision::Tf32, Precision::F16] {
@@ -133,7 +142,10 @@ pub fn predictions(checks: &mut Checks) -> Outcome {
         println!("   {precision:?}: predictions {most:.1e} of a change's spread from the CPU's at most");
     }
     let [full, short, half] = errors[..] else { return Ok(()) };
-    checks.demand(full < 1e-5 && half < short, format!("f32, TF32 and f16 are {full:.1e}, {short:.1e} and {half:.1e} from the CPU"));
+    checks.demand(
+        full < 1e-5 && half < short,
+        format!("f32, TF32 and f16 are {full:.1e}, {short:.1e} and {half:.1e} from the CPU"),
+    );
     Ok(())
 }
 
@@ -152,7 +164,10 @@ fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
     let mut step = || CudaArticulated::new(ArticulatedConfig::accurate(ant), Real::F64).step(&mut many, &torques).err();
     let error = step().map_or_else(String::new, |e| e.to_string());
     drop(taken);
-    checks.demand(["allocating", "MEMORY", "ALLOC"].iter().any(|word| error.contains(word)), format!("a full memory: {error}"));
+    checks.demand(
+        ["allocating", "MEMORY", "ALLOC"].iter().any(|word| error.contains(word)),
+        format!("a full memory: {error}"),
+    );
     checks.demand(step().is_none(), "and once there is room".into());
 
     let link = |k: usize| {
@@ -166,8 +181,10 @@ fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
     let text = format!(r#"<robot name="chain"><link name="base"/>{}</robot>"#, (0..400).map(link).collect::<String>());
     let system = Arc::new(System::bare("chain", &text, false)?);
     let mut solver = CudaArticulated::new(ArticulatedConfig::accurate(&system), Real::F32);
-    let error =
-        solver.step(&mut Batch::new(&system, &system.scene("free")?, 2), &[0.0; 800]).err().map_or_else(String::new, |e| e.to_string());
+    let error = solver
+        .step(&mut Batch::new(&system, &system.scene("free")?, 2), &[0.0; 800])
+        .err()
+        .map_or_else(String::new, |e| e.to_string());
     checks.demand(error.contains("too large") && !error.contains('\n'), format!("400 joints: {error}"));
     Ok(())
 }

@@ -16,7 +16,8 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
         let mut cuda = CudaLearner::new(settings, Precision::F32, state.clone(), [&data, &data])?;
         let mut cpu = CpuLearner::new(settings, state, [data.clone(), data.clone()])?;
         // The windows that the device draws for its first update.
-        let rows: Vec<u64> = (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
+        let rows: Vec<u64> =
+            (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
         let ((loss, found), (of_cpu, expected)) = (cuda.gradient()?, cpu.gradient(&rows)?);
         let (mut first, mut worst) = (0, 0.0f64);
         for tensor in config.tensors() {
@@ -27,11 +28,16 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
             worst = worse(worst, a.iter().zip(b).map(|(a, b)| f64::from(a - b).abs() / scale));
         }
         let off = f64::from(loss / of_cpu - 1.0).abs();
-        let name = format!("E {}, {:?}, {:?}, huber {huber:?}", config.embedding, config.architecture, config.positions);
-        checks.demand(off < 1e-4 && worst < ENTRY, format!("{name}: loss {off:.1e}, entries {worst:.1e} from the CPU's"));
+        let name =
+            format!("E {}, {:?}, {:?}, huber {huber:?}", config.embedding, config.architecture, config.positions);
+        checks
+            .demand(off < 1e-4 && worst < ENTRY, format!("{name}: loss {off:.1e}, entries {worst:.1e} from the CPU's"));
         for wanted in [1, 63, 10_000] {
             let (a, b) = (cuda.validate(wanted)?, cpu.validate(wanted)?);
-            checks.demand((a / b - 1.0).abs() < 1e-4, format!("{name}: validation over {wanted} windows {a:.6}, on the CPU {b:.6}"));
+            checks.demand(
+                (a / b - 1.0).abs() < 1e-4,
+                format!("{name}: validation over {wanted} windows {a:.6}, on the CPU {b:.6}"),
+            );
         }
     }
     Ok(())
@@ -40,7 +46,9 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
 /// Ten updates by Adam and by Muon, against the CPU. A learner resumed from its state gives the same bits.
 pub fn updates(checks: &mut Checks) -> Outcome {
     let small = TransformerConfig { layers: 2, heads: 4, ..TransformerConfig::paper(37, 4, 48) };
-    for (config, optimizer) in others().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)]) {
+    for (config, optimizer) in
+        others().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)])
+    {
         let (data, state) = (Arc::new(windows(2, config, 20, 50)), LearnerState::new(weights(config)));
         let (first, settings) = (state.weights.flat.clone(), LearnerConfig { optimizer, ..settings(64) });
         let cuda = CudaLearner::new(settings, Precision::F32, state.clone(), [&data, &data]);
@@ -51,13 +59,17 @@ pub fn updates(checks: &mut Checks) -> Outcome {
         let (mut cuda, mut cpu) = (cuda?, CpuLearner::new(settings, state, [data.clone(), data.clone()])?);
         (0..10).try_for_each(|_| cuda.update(1e-3).and_then(|()| cpu.update(1e-3)))?;
         let (a, b) = (cuda.state()?, cpu.state()?);
-        let off = [share_of_way(&a.weights.flat, &b.weights.flat, &first), share_of_way(&a.average, &b.average, &first)];
-        let what = format!("{:?}, {optimizer:?}: weights, averages {off:?} of their way from the CPU's", config.architecture);
+        let off =
+            [share_of_way(&a.weights.flat, &b.weights.flat, &first), share_of_way(&a.average, &b.average, &first)];
+        let what =
+            format!("{:?}, {optimizer:?}: weights, averages {off:?} of their way from the CPU's", config.architecture);
         checks.demand(off.iter().all(|off| *off < 0.02), what);
         let mut taken_up = CudaLearner::new(settings, Precision::F32, a, [&data, &data])?;
         (0..20).try_for_each(|_| cuda.update(5e-4).and_then(|()| taken_up.update(5e-4)))?;
-        checks
-            .demand(cuda.state()? == taken_up.state()?, format!("{:?}, {optimizer:?}: taken up again, the same bits", config.architecture));
+        checks.demand(
+            cuda.state()? == taken_up.state()?,
+            format!("{:?}, {optimizer:?}: taken up again, the same bits", config.architecture),
+        );
     }
     Ok(())
 }
@@ -77,7 +89,8 @@ fn record() -> GenerateConfig {
 }
 
 fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
-    let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+    let solver =
+        || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
     Ok(Arc::new(Motions::record(system, &solver, &record(), &|_| ())?))
 }
 

@@ -14,7 +14,9 @@ pub use nerd_tasks::{Episodes, named};
 pub use nerd_train::device::Device;
 pub use nerd_train::learner::cuda::{CudaLearner, CudaStream, Precision};
 pub use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
-pub use nerd_train::ppo::{Adam, Arena, CudaEngine, CudaShac, Engine, Policy, PpoConfig, RolloutInput, Running, Shac, StreamKey, Trainer};
+pub use nerd_train::ppo::{
+    Adam, Arena, CudaEngine, CudaShac, Engine, Policy, PpoConfig, RolloutInput, Running, Shac, StreamKey, Trainer,
+};
 pub use nerd_train::spec::{SolverSpec, resident};
 pub use nerd_train::windows::{Windows, draw};
 
@@ -114,7 +116,16 @@ pub fn shapes() -> Vec<TransformerConfig> {
     // As many tokens as a block has threads, so the block opts in to more shared memory.
     let long = rotary(TransformerConfig { history: 32, ..wide }, 128);
     let narrow = rotary(TransformerConfig { heads: 3, ..small }, 20);
-    let all = [wide, paper(6, 14, 384), small, rotary(wide, 32), rotary(wide, 55), rotary(paper(37, 4, 384), 64), narrow, long];
+    let all = [
+        wide,
+        paper(6, 14, 384),
+        small,
+        rotary(wide, 32),
+        rotary(wide, 55),
+        rotary(paper(37, 4, 384), 64),
+        narrow,
+        long,
+    ];
     let transformers = all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c });
     transformers.into_iter().chain(others()).collect()
 }

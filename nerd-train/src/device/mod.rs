@@ -70,7 +70,9 @@ impl Device {
         if self == Self::Wgpu {
             use burn::tensor::{DeviceKind, DeviceType};
             if nerd_model::BurnDevice::enumerate(DeviceType::Wgpu).is_empty() {
-                refuse!("--device wgpu finds no card: install a driver of Vulkan, Metal or DirectX (Mesa's lavapipe is one for the CPU)");
+                refuse!(
+                    "--device wgpu finds no card: install a driver of Vulkan, Metal or DirectX (Mesa's lavapipe is one for the CPU)"
+                );
             }
             return Ok(nerd_model::BurnDevice::wgpu(DeviceKind::DefaultDevice));
         }
@@ -99,7 +101,13 @@ impl Device {
 
     /// Loads a model folder as a solver of `system` for up to `envs` environments. If `truth` is given, the model must
     /// have learned it.
-    pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
+    pub fn neural(
+        self,
+        folder: &Path,
+        system: &Arc<System>,
+        truth: Option<&str>,
+        envs: usize,
+    ) -> Result<Box<dyn Solver>> {
         self.solver(Model::load(folder, system, truth)?, system, envs)
     }
 
@@ -128,7 +136,10 @@ impl Device {
 pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
     let config = nerd_sim::articulated::ArticulatedConfig::accurate(system);
     #[cfg(feature = "cuda")]
-    return Box::new(nerd_sim::articulated::device::CudaArticulated::new(config, nerd_sim::articulated::device::Real::F64));
+    return Box::new(nerd_sim::articulated::device::CudaArticulated::new(
+        config,
+        nerd_sim::articulated::device::Real::F64,
+    ));
     // A build without `cuda` has refused the GPU before.
     #[cfg(not(feature = "cuda"))]
     Box::new(nerd_sim::articulated::Articulated::new(config))

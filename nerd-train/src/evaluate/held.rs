@@ -33,8 +33,9 @@ impl Held {
 
     /// Drives for target number `target`, `[env][joint]`. Environments repeat the starts cyclically.
     pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
-        let of =
-            |own: &Vec<f64>| self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>();
+        let of = |own: &Vec<f64>| {
+            self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>()
+        };
         self.targets[target].iter().cycle().take(environments).flat_map(of).collect()
     }
 }

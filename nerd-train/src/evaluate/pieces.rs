@@ -38,7 +38,8 @@ impl Pieces {
         let begun = begin(system, config, 0, count)?;
         let frames = |x: &[f64], rows: usize| -> Vec<Vec<f64>> {
             let width = x.len() / (count * rows);
-            let row = |frame: usize| (0..count).flat_map(|k| x[(k * rows + frame) * width..][..width].to_vec()).collect();
+            let row =
+                |frame: usize| (0..count).flat_map(|k| x[(k * rows + frame) * width..][..width].to_vec()).collect();
             (0..rows).map(row).collect()
         };
         let (mut states, torques) = (frames(&made.states, f + 1), frames(&made.torques, f));

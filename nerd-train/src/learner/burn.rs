@@ -16,7 +16,12 @@ pub struct Burn {
 
 impl Sharded<Burn> {
     /// Resumes `state` on `device` (autodiff is switched on here), in shards of 32 windows on all cores.
-    pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2], device: &BurnDevice) -> Result<Self, LearnError> {
+    pub fn new(
+        config: LearnerConfig,
+        state: LearnerState,
+        sets: [Arc<Windows>; 2],
+        device: &BurnDevice,
+    ) -> Result<Self, LearnError> {
         Self::with(Burn { device: device.clone().autodiff() }, config, state, sets)
     }
 }
@@ -34,7 +39,13 @@ impl Pass for Burn {
         Ok(read((error.clone() * error).sum())?.into_iter().map(f64::from).sum())
     }
 
-    fn gradient(&self, network: &mut BurnNetwork, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError> {
+    fn gradient(
+        &self,
+        network: &mut BurnNetwork,
+        shard: Shard,
+        scale: f64,
+        huber: Option<f32>,
+    ) -> Result<(f64, Vec<f32>), LearnError> {
         let error = errors(network, shard);
         let squares = (error.clone() * error.clone()).sum() * scale;
         let loss = match huber.map(f64::from) {

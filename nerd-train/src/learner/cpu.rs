@@ -46,7 +46,13 @@ impl Pass for Fused {
         Ok(squares(&errors(worker, &shard)))
     }
 
-    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError> {
+    fn gradient(
+        &self,
+        worker: &mut Self::Worker,
+        shard: Shard,
+        scale: f64,
+        huber: Option<f32>,
+    ) -> Result<(f64, Vec<f32>), LearnError> {
         let mut error = errors(worker, &shard);
         let (squares, factor) = (squares(&error) * scale, scale as f32);
         match huber {

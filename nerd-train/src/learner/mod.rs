@@ -165,9 +165,12 @@ fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> R
         return Err(mismatch(format!("a state of {n} parameters is needed")));
     }
     for (name, set) in ["training", "validation"].into_iter().zip(sets) {
-        let (found, expected) = ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
+        let (found, expected) =
+            ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
         if found != expected {
-            return Err(mismatch(format!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}")));
+            return Err(mismatch(format!(
+                "{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}"
+            )));
         }
         let tokens = set.trajectories() * set.frames;
         if set.is_empty() || set.x.len() != tokens * set.inputs || set.y.len() != tokens * set.outputs {

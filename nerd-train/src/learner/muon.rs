@@ -52,7 +52,13 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (mut square, mut wide) = (Vec::new(), Vec::new());
     for tensor in config.tensors() {
         let columns = tensor.shape.last().copied().unwrap_or(0);
-        let parts = (0..columns / e).map(|k| Hidden { offset: offset + k * e, stride: columns, rows: e, columns: e, transposed: false });
+        let parts = (0..columns / e).map(|k| Hidden {
+            offset: offset + k * e,
+            stride: columns,
+            rows: e,
+            columns: e,
+            transposed: false,
+        });
         let whole = Hidden { offset, stride: columns, rows: tensor.shape[0], columns, transposed: false };
         let transposed = Hidden { rows: columns, columns: tensor.shape[0], transposed: true, ..whole };
         let mut path = tensor.name.split('.');
@@ -100,7 +106,9 @@ pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), l
         .map(|h| {
             let clipped = |r, c| gradient[h.at(r, c)] * scale;
             let momentum = |r, c| MOMENTUM * m[h.at(r, c)] + (1.0 - MOMENTUM) * clipped(r, c);
-            let ahead = DMatrix::from_fn(h.rows, h.columns, |r, c| MOMENTUM * momentum(r, c) + (1.0 - MOMENTUM) * clipped(r, c));
+            let ahead = DMatrix::from_fn(h.rows, h.columns, |r, c| {
+                MOMENTUM * momentum(r, c) + (1.0 - MOMENTUM) * clipped(r, c)
+            });
             let kept = (0..h.rows * h.columns).map(|i| momentum(i / h.columns, i % h.columns)).collect();
             (kept, orthogonal(ahead))
         })

@@ -16,7 +16,8 @@ const CHUNK: usize = 1 << 14;
 /// Global norm `|g|`, summed in f64.
 pub fn norm(gradient: &[f32]) -> f32 {
     // Partial sums over fixed chunks, added in order: the same bits on any number of threads.
-    let parts: Vec<f64> = gradient.par_chunks(CHUNK).map(|c| c.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
+    let parts: Vec<f64> =
+        gradient.par_chunks(CHUNK).map(|c| c.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
     parts.iter().sum::<f64>().sqrt() as f32
 }
 

@@ -25,7 +25,13 @@ pub trait Pass: Sync {
     /// Sum of the squared errors.
     fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
     /// Sum of the squared errors, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
-    fn gradient(&self, worker: &mut Self::Worker, shard: Shard, scale: f64, huber: Option<f32>) -> Result<(f64, Vec<f32>), LearnError>;
+    fn gradient(
+        &self,
+        worker: &mut Self::Worker,
+        shard: Shard,
+        scale: f64,
+        huber: Option<f32>,
+    ) -> Result<(f64, Vec<f32>), LearnError>;
 }
 
 pub struct Shard {
@@ -48,7 +54,12 @@ pub struct Sharded<P> {
 }
 
 impl<P: Pass> Sharded<P> {
-    pub(super) fn with(pass: P, config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> Result<Self, LearnError> {
+    pub(super) fn with(
+        pass: P,
+        config: LearnerConfig,
+        state: LearnerState,
+        sets: [Arc<Windows>; 2],
+    ) -> Result<Self, LearnError> {
         super::check(&config, &state, [&sets[0], &sets[1]])?;
         let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
         let [train, validation] = sets;
@@ -64,7 +75,8 @@ impl<P: Pass> Sharded<P> {
     /// Squared error, and gradient of the loss before clipping, over the training windows `rows`.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
         let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
-        let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
+        let work =
+            |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
         let parts = self.sharded(&self.optimiser.state.weights, true, rows, work)?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);

@@ -81,11 +81,15 @@ impl Contract {
 
     /// Numbers that the contract cannot describe, a line each.
     pub fn unknown(&self) -> Vec<String> {
-        let places: Vec<String> =
-            (0..).zip(&self.observation).filter(|(_, seen)| seen.quantity.is_none()).map(|(k, _): (usize, _)| k.to_string()).collect();
-        let seen =
-            (!places.is_empty()).then(|| format!("observation {}: numbers of the task's own, known by their place", places.join(", ")));
-        let acted = (self.law == Law::Own).then(|| "action: the task's own law, neither torques nor the robot's controller".to_string());
+        let places: Vec<String> = (0..)
+            .zip(&self.observation)
+            .filter(|(_, seen)| seen.quantity.is_none())
+            .map(|(k, _): (usize, _)| k.to_string())
+            .collect();
+        let seen = (!places.is_empty())
+            .then(|| format!("observation {}: numbers of the task's own, known by their place", places.join(", ")));
+        let acted = (self.law == Law::Own)
+            .then(|| "action: the task's own law, neither torques nor the robot's controller".to_string());
         seen.into_iter().chain(acted).collect()
     }
 }

@@ -51,7 +51,13 @@ fn direct(forms: &Forms, torques: &[Traced], action: &[Traced], system: &System)
         let mut acting = system.robot.joints().zip(&rows).filter(|(_, (scales, _))| scales[k] != 0.0);
         let (Joint { name, kind, effort, .. }, (scales, _)) = acting.next().filter(|_| acting.next().is_none())?;
         let unit = if *kind == JointKind::Prismatic { "N" } else { "N m" };
-        Some(Action { joint: name.clone(), unit: unit.into(), scale: scales[k], effort: finite(*effort), ..Action::default() })
+        Some(Action {
+            joint: name.clone(),
+            unit: unit.into(),
+            scale: scales[k],
+            effort: finite(*effort),
+            ..Action::default()
+        })
     };
     (0..action.len()).map(one).collect()
 }

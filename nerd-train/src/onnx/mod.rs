@@ -59,7 +59,8 @@ impl Graph {
         self.0.message(1, |node| {
             inputs.iter().for_each(|input| _ = node.bytes(1, input));
             node.bytes(2, output).bytes(3, output).bytes(4, operator);
-            axis.into_iter().for_each(|axis| _ = node.message(5, |a| _ = a.bytes(1, "axis").number(3, axis).number(20, 2)));
+            axis.into_iter()
+                .for_each(|axis| _ = node.message(5, |a| _ = a.bytes(1, "axis").number(3, axis).number(20, 2)));
         });
     }
 

@@ -62,7 +62,8 @@ fn root<'a>(sight: &Sight<'a>, all: &mut Vec<Quantity<'a>>) {
     let velocity = [0, 1, 2].map(|k| sight.qd(3 + k) + cross((k + 1) % 3, (k + 2) % 3));
     let quaternion = [3, 4, 5, 6].map(|k| sight.q(k));
     let turn = rotation(quaternion);
-    let inside = |v: [Traced<'a>; 3]| [0, 1, 2].map(|own| turn[0][own] * v[0] + turn[1][own] * v[1] + turn[2][own] * v[2]);
+    let inside =
+        |v: [Traced<'a>; 3]| [0, 1, 2].map(|own| turn[0][own] * v[0] + turn[1][own] * v[1] + turn[2][own] * v[2]);
     let vectors = [
         ("root position", "m", position),
         ("root velocity", "m/s", velocity),

@@ -51,7 +51,9 @@ impl Arena {
     pub fn family(task: &str, name: &str, solver: SolverSpec) -> Result<Self> {
         let device = solver.device();
         device.check()?;
-        if solver.is_neural() || !(device == Device::Cpu || device.is_cuda() && solver == SolverSpec::default().on(device)) {
+        if solver.is_neural()
+            || !(device == Device::Cpu || device.is_cuda() && solver == SolverSpec::default().on(device))
+        {
             refuse!(
                 "{solver}: robots that differ are stepped by analytic solvers on the CPU, and on cuda by `articulated` without settings"
             );
@@ -63,7 +65,9 @@ impl Arena {
         }
         match family.alike(&*task.system()?) {
             Ok(()) => Ok(Self::Family(solver, family)),
-            Err(reason) => refuse!("`{name}` is no family of `{}`, which {} is a task of: {reason}", task.robot(), task.name()),
+            Err(reason) => {
+                refuse!("`{name}` is no family of `{}`, which {} is a task of: {reason}", task.robot(), task.name())
+            }
         }
     }
 
@@ -134,7 +138,9 @@ impl Arena {
         match recipe {
             Some("small") => PpoConfig::small(task),
             // The paper has no run of a task from a file to reproduce.
-            None if self.expensive() || !(self.on_gpu() || nerd_tasks::names().contains(&task)) => PpoConfig::small(task),
+            None if self.expensive() || !(self.on_gpu() || nerd_tasks::names().contains(&task)) => {
+                PpoConfig::small(task)
+            }
             _ => PpoConfig::of(task),
         }
     }
@@ -150,7 +156,9 @@ impl Arena {
             let mut engine = || -> Result<Box<dyn Engine>> {
                 Ok(match config.algorithm {
                     Algorithm::Ppo => Box::new(CudaEngine::new(&policy.shape, config)?),
-                    Algorithm::Shac => Box::new(CudaShac::new(Shac::new(episodes, policy, config, seed)?, policy, config)?),
+                    Algorithm::Shac => {
+                        Box::new(CudaShac::new(Shac::new(episodes, policy, config, seed)?, policy, config)?)
+                    }
                 })
             };
             trainer.engine = engine().map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;

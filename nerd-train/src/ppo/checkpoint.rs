@@ -11,7 +11,8 @@ impl Trainer {
     /// Writes a checkpoint; `run` identifies the run and is compared on resuming.
     pub fn save(&mut self, path: &Path, run: &str) -> Result<()> {
         let state = &self.state;
-        let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
+        let Snapshot { states, frames, goals, begun, past_states, past_torques } =
+            self.engine.snapshot(&self.episodes)?;
         let mut file = Tensors::default();
         put(&mut file, "policy.", &state.policy);
         if let Some((reward, policy)) = &state.best {
@@ -60,7 +61,9 @@ impl Trainer {
         let config: PpoConfig = serde_json::from_value(config).map_err(|e| file.wrong(e))?;
         let (begun, wanted) = (config.iterations, self.config.iterations);
         if self.config.algorithm == Algorithm::Shac && begun != wanted {
-            return Err(file.wrong(format!("SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}")));
+            return Err(file.wrong(format!(
+                "SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}"
+            )));
         }
         // Other runs may change their number of iterations.
         let config = PpoConfig { iterations: self.config.iterations, ..config };

@@ -34,8 +34,16 @@ fn whole(std: &f32) -> bool {
 pub(super) const FORMER: [&str; 6] = ["lambda", "critic", "gradient_norm", "gae_lambda", "vf_coef", "max_grad_norm"];
 
 /// Keys that only PPO uses.
-const OF_PPO: [&str; 8] =
-    ["stack", "state_dependent_std", "init_noise_std", "clip_coef", "value_clip", "ent_coef", "bounds_coef", "target_kl"];
+const OF_PPO: [&str; 8] = [
+    "stack",
+    "state_dependent_std",
+    "init_noise_std",
+    "clip_coef",
+    "value_clip",
+    "ent_coef",
+    "bounds_coef",
+    "target_kl",
+];
 
 /// Settings of a run; keys missing in a file take the values of [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,7 +124,10 @@ impl Default for PpoConfig {
 
 /// Shipped settings by prefix of the task's name: the paper's, then small ones for expensive steps.
 const FILES: [(&str, [&str; 2]); 6] = [
-    ("cartpole-", [include_str!("../../assets/ppo/cartpole.toml"), include_str!("../../assets/ppo/cartpole-small.toml")]),
+    (
+        "cartpole-",
+        [include_str!("../../assets/ppo/cartpole.toml"), include_str!("../../assets/ppo/cartpole-small.toml")],
+    ),
     ("franka-", [include_str!("../../assets/ppo/franka.toml"), include_str!("../../assets/ppo/franka-small.toml")]),
     ("ant-", [include_str!("../../assets/ppo/ant.toml"), include_str!("../../assets/ppo/ant-small.toml")]),
     ("anymal-", [include_str!("../../assets/ppo/anymal.toml"), include_str!("../../assets/ppo/anymal-small.toml")]),

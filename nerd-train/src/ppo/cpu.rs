@@ -26,7 +26,10 @@ impl StepwiseRollout for OnCpu {
         let Some(actor) = &self.actor else { return Ok(()) };
         let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
         let drawn = drawn(&answer, noise);
-        let said = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
+        let said = drawn
+            .par_chunks_exact(width)
+            .zip(answer.mean.par_chunks_exact(width))
+            .zip(answer.spread.par_chunks_exact(width));
         r.neg_log_prob.par_extend(said.map(|((a, mu), s)| neg_log_prob(a, mu, s)));
         r.observations.extend_from_slice(rows);
         r.values.extend(actor.policy.values(&answer));
@@ -57,7 +60,13 @@ impl Engine for OnCpu {
         self.turns(on)
     }
 
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: StreamKey,
+    ) -> Result<Updated> {
         Ok(update(policy, adam, &self.rollout, config, orders))
     }
 }

@@ -30,7 +30,13 @@ pub trait Engine: Send {
 
     /// Runs all passes over the last rollout, made by `policy`. Each pass of each iteration draws its permutation of
     /// steps from a separate stream. `orders` holds the seed of these streams and the iteration.
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated>;
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: StreamKey,
+    ) -> Result<Updated>;
 
     /// Snapshot of the episodes, with everything that later steps depend on.
     fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
@@ -59,11 +65,14 @@ pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
     both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) })
 }
 
-/// A rollout that alternates policy and episodes: [`StepwiseRollout::begin`], then [`StepwiseRollout::act`] and [`StepwiseRollout::arrive`] per step,
-/// then [`StepwiseRollout::finish`].
+/// A rollout that alternates policy and episodes: [`StepwiseRollout::begin`], then [`StepwiseRollout::act`] and
+/// [`StepwiseRollout::arrive`] per step, then [`StepwiseRollout::finish`].
 pub trait StepwiseRollout {
     /// [`Engine::roll`].
-    fn turns(&mut self, RolloutInput { episodes, running, policy, config, noise, stop }: RolloutInput) -> Result<RolloutStats> {
+    fn turns(
+        &mut self,
+        RolloutInput { episodes, running, policy, config, noise, stop }: RolloutInput,
+    ) -> Result<RolloutStats> {
         let (mut taken, mut actions, mut reached) = (RolloutStats::default(), Vec::new(), Vec::new());
         let (mut rewards, mut ends) = (Vec::new(), Vec::new());
         self.begin(policy)?;

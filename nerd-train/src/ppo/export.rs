@@ -15,11 +15,14 @@ pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Re
     let mut about = vec![("spent", spent), ("learned in", identity.into())];
     about.extend([(folder::ROBOT, task.system()?.sha256()), (folder::TEXT, folder::text_hash(task))]);
     let Batch { system, systems, .. } = &trainer.episodes.simulation.batch;
-    about.extend(system.spec.vary.as_ref().filter(|_| !systems.is_empty()).map(|vary| ("robots differ by", vary.title())));
+    about.extend(
+        system.spec.vary.as_ref().filter(|_| !systems.is_empty()).map(|vary| ("robots differ by", vary.title())),
+    );
     let (provenance, table) = rows(out, trainer.seed, about)?;
     let (policy, reward) = trainer.best();
     let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);
-    let config = PolicyConfig { task: task.name().into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
+    let config =
+        PolicyConfig { task: task.name().into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
     let to = out.join("policy");
     if let Some(text) = folder::own(task) {
         let path = to.join(folder::TASK);
@@ -60,7 +63,9 @@ fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let (mut text, mut seconds) = (String::from("steps,seconds,reward,length\n"), 0.0);
     for line in &lines {
         seconds += line.rollout_seconds + line.update_seconds;
-        if let (true, Some(reward), Some(length)) = ((line.step as usize).is_multiple_of(every), line.reward, line.length) {
+        if let (true, Some(reward), Some(length)) =
+            ((line.step as usize).is_multiple_of(every), line.reward, line.length)
+        {
             text.push_str(&format!("{},{seconds:.1},{reward:.2},{length:.1}\n", line.frames));
         }
     }

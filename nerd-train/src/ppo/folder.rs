@@ -87,7 +87,9 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
             "the file of robot `{}`, or what the task says of robots (frame_time, substeps, rotors, [terrain]), changed since the policy learned; train again",
             task.robot()
         ),
-        (_, true, true) => format!("{TASK} is not the text that the policy learned with; take the folder as it was, or train again"),
+        (_, true, true) => {
+            format!("{TASK} is not the text that the policy learned with; take the folder as it was, or train again")
+        }
         (false, false, _) => return read(folder, config, &*task, &learned),
         // Tasks and robots of the project may improve: print a line and continue.
         (robot, ..) => {
@@ -171,7 +173,8 @@ fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> 
     let of = file.word("task")?;
     let name = |task: &str| nerd_tasks::word(nerd_tasks::parts(task).0);
     if name(of) != name(learned) {
-        return Err(file.wrong(format!("it is of task `{of}`, and config.json of `{learned}`; take the folder as it was, whole")));
+        return Err(file
+            .wrong(format!("it is of task `{of}`, and config.json of `{learned}`; take the folder as it was, whole")));
     }
     let policy = get(&file, "", config.shape.clone())?;
     match config.provenance.get(WEIGHTS) {
@@ -180,7 +183,10 @@ fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> 
                 .wrong("its weights are not those that config.json has the hash of (SHA-256 differs); take the folder as it was, whole"));
         }
         None if !folder.starts_with(crate::shipped::models()) => {
-            tell!("note: {}: an older policy, without the hash of its weights: whether they are its own is not known", folder.display());
+            tell!(
+                "note: {}: an older policy, without the hash of its weights: whether they are its own is not known",
+                folder.display()
+            );
         }
         _ => {}
     }
@@ -201,7 +207,11 @@ pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Result<Policy> 
     let flat = file.network(&tensors(prefix, &shape))?;
     let moments = |name: &str, columns: usize| -> Result<RunningMoments> {
         let column = |what: &str, n: usize| file.f64(&format!("{prefix}{name}.{what}"), Some(n));
-        Ok(RunningMoments { mean: column("mean", columns)?, variance: column("variance", columns)?, count: column("count", 1)?[0] })
+        Ok(RunningMoments {
+            mean: column("mean", columns)?,
+            variance: column("variance", columns)?,
+            count: column("count", 1)?[0],
+        })
     };
     let (seen, returns) = (moments("observation", shape.inputs())?, moments("return", 1)?);
     let sound = |m: &RunningMoments| {
@@ -214,7 +224,12 @@ pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Result<Policy> 
 }
 
 fn tensors(prefix: &str, shape: &Shape) -> Vec<TensorSpec> {
-    shape.program().tensors.into_iter().map(|tensor| TensorSpec { name: format!("{prefix}{}", tensor.name), ..tensor }).collect()
+    shape
+        .program()
+        .tensors
+        .into_iter()
+        .map(|tensor| TensorSpec { name: format!("{prefix}{}", tensor.name), ..tensor })
+        .collect()
 }
 
 /// Checks settings, and sizes of observation and action against the task.
@@ -224,7 +239,10 @@ fn check(config: &PolicyConfig, task: &dyn Task) -> Result<(), String> {
     config.ppo.check().map_err(|e| format!("ppo: {e}"))?;
     let wanted = (task.observation_dim(), task.action_dim());
     if (observation, action) != wanted {
-        return Err(format!("maps {observation} to {action} numbers; task `{}` needs {} to {}", config.task, wanted.0, wanted.1));
+        return Err(format!(
+            "maps {observation} to {action} numbers; task `{}` needs {} to {}",
+            config.task, wanted.0, wanted.1
+        ));
     }
     Ok(())
 }

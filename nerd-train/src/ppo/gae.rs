@@ -21,7 +21,11 @@ pub const TRUNCATED: u8 = 2;
 /// Advantages `[step][env]`; returns are advantages plus `values`. `values` belong to the states before each step,
 /// `last` `[env]` to the states after the last step. `cut` holds the values of the final states of truncated episodes,
 /// in order of step and environment.
-pub(super) fn advantages((rewards, ends): (&[f64], &[u8]), (values, last, cut): (&[f64], &[f64], &[f64]), config: &PpoConfig) -> Vec<f64> {
+pub(super) fn advantages(
+    (rewards, ends): (&[f64], &[u8]),
+    (values, last, cut): (&[f64], &[f64], &[f64]),
+    config: &PpoConfig,
+) -> Vec<f64> {
     let (n, mut cut, PpoConfig { gamma, .. }) = (last.len(), cut.iter().rev(), config);
     let mut out = vec![0.0; rewards.len()];
     for i in (0..out.len()).rev() {

@@ -62,7 +62,14 @@ impl Terms {
     /// Terms by name.
     pub(super) fn named(&self) -> [(&'static str, f64); 6] {
         let Self { actor, critic, bounds, entropy, kl, clipped } = *self;
-        [("actor_loss", actor), ("critic_loss", critic), ("bounds_loss", bounds), ("entropy", entropy), ("kl", kl), ("clipped", clipped)]
+        [
+            ("actor_loss", actor),
+            ("critic_loss", critic),
+            ("bounds_loss", bounds),
+            ("entropy", entropy),
+            ("kl", kl),
+            ("clipped", clipped),
+        ]
     }
 
     pub(super) fn of([actor, critic, bounds, entropy, kl, clipped]: [f64; 6]) -> Self {

@@ -60,9 +60,14 @@ mod tests {
     #[test]
     fn noise_drawn_in_parts_is_that_of_one_stream() {
         let (n, key) = (10_001, StreamKey { seed: 3, number: 9 });
-        let all = PolicyOutput { mean: vec![0.5; n], spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(), value: Vec::new() };
+        let all = PolicyOutput {
+            mean: vec![0.5; n],
+            spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(),
+            value: Vec::new(),
+        };
         let (mut rng, mut spare) = (key.rng(), None);
-        let one: Vec<f32> = all.mean.iter().zip(&all.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
+        let one: Vec<f32> =
+            all.mean.iter().zip(&all.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
         let apart = one.iter().zip(&drawn(&all, key)).position(|(a, b)| a != b);
         assert_eq!(apart, None, "the first number that differs");
     }

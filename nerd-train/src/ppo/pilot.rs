@@ -57,7 +57,9 @@ impl Policies {
 /// Identity of the policies and of their settings; provenance of recorded data contains it.
 impl fmt::Debug for Policies {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_list().entries(self.of.iter().map(|one| format!("{} {}", one.task.name(), one.actor.policy.sha256()))).finish()?;
+        f.debug_list()
+            .entries(self.of.iter().map(|one| format!("{} {}", one.task.name(), one.actor.policy.sha256())))
+            .finish()?;
         write!(f, " noise {NOISE}, mixed {MIXED} by {TURN} frames, fast {FAST} x {FASTEST}")
     }
 }
@@ -68,7 +70,10 @@ impl Pilot for Policies {
         let now = Turn::new(&self.of, which, system, rng);
         let [mixed, fast] = [MIXED, FAST].map(|share| rng.random::<f64>() < share);
         let state = if fast { fast_start(&now.task, rng) } else { now.task.reset(system, rng) };
-        (state, Box::new(Acting { all: self.of.clone(), mixed: mixed && self.of.len() > 1, work: Work::new(system), now }))
+        (
+            state,
+            Box::new(Acting { all: self.of.clone(), mixed: mixed && self.of.len() > 1, work: Work::new(system), now }),
+        )
     }
 }
 
@@ -115,10 +120,15 @@ impl Turn {
 
 impl Act for Acting {
     fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]) {
-        if self.mixed && self.now.frame > 0 && self.now.asked() && rng.random::<f64>() * TURN < self.now.task.frames() as f64 {
+        if self.mixed
+            && self.now.frame > 0
+            && self.now.asked()
+            && rng.random::<f64>() * TURN < self.now.task.frames() as f64
+        {
             self.now = self.now.other(&self.all, rng);
         }
-        let (asked, Turn { task, actor, goal, observation, stack, action, noise, .. }) = (self.now.asked(), &mut self.now);
+        let (asked, Turn { task, actor, goal, observation, stack, action, noise, .. }) =
+            (self.now.asked(), &mut self.now);
         let view = View { state, goal, scene };
         if asked {
             task.observe(view, &mut self.work, observation);
@@ -128,7 +138,8 @@ impl Act for Acting {
             }
             let answer = actor.answer(stack.as_ref().map_or(&[], |s| &s.rows));
             let (noise, mut spare) = (*noise as f32, None);
-            let drawn = answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
+            let drawn =
+                answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
             *action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
         }
         task.act(view, action, &mut self.work, out);

@@ -30,7 +30,8 @@ pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(u
         let all = terms.iter_mut().zip(result.terms.chunks_exact(width.max(1)));
         all.for_each(|(sums, terms)| sums.iter_mut().zip(terms).for_each(|(sum, x)| *sum += x));
         for Ended { env, total: reward, length, .. } in ended {
-            let (errors, terms) = (std::mem::take(&mut errors[env]), std::mem::replace(&mut terms[env], vec![0.0; width]));
+            let (errors, terms) =
+                (std::mem::take(&mut errors[env]), std::mem::replace(&mut terms[env], vec![0.0; width]));
             games[env].get_or_insert(Game { reward, length, error: last_half(&errors), terms });
         }
         progress(games.iter().flatten().count());

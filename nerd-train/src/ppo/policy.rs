@@ -44,7 +44,8 @@ impl Shape {
 
     /// Refuses sizes outside the limits of a policy, before memory is allocated.
     pub fn check(&self) -> Result<(), String> {
-        let most = [("observation", self.observation, 65_536.0), ("stack", self.stack, 64.0), ("action", self.action, 4096.0)];
+        let most =
+            [("observation", self.observation, 65_536.0), ("stack", self.stack, 64.0), ("action", self.action, 4096.0)];
         let widths = self.hidden.iter().map(|width| ("hidden", *width, 4096.0));
         most.into_iter().chain(widths).try_for_each(|(key, n, most)| within(key, n as f64, 1.0..=most, ""))?;
         within("layers of hidden", self.hidden.len() as f64, 0.0..=16.0, "")
@@ -141,10 +142,11 @@ impl Policy {
 
     fn answer_by(&self, network: &Loaded, observations: &[f64]) -> PolicyOutput {
         let (a, outputs) = (self.shape.action, self.shape.outputs());
-        let parts = observations.par_chunks(ROWS * self.shape.inputs()).map_init(Default::default, |(memory, inputs), rows| {
-            self.seen.rows(rows, inputs);
-            std::mem::take(network.forward(inputs, memory, Pass::Kept(1)))
-        });
+        let parts =
+            observations.par_chunks(ROWS * self.shape.inputs()).map_init(Default::default, |(memory, inputs), rows| {
+                self.seen.rows(rows, inputs);
+                std::mem::take(network.forward(inputs, memory, Pass::Kept(1)))
+            });
         let mut answer = PolicyOutput::default();
         for row in parts.collect::<Vec<_>>().iter().flat_map(|part| part.chunks_exact(outputs)) {
             answer.mean.extend_from_slice(&row[..a]);
@@ -157,7 +159,8 @@ impl Policy {
     /// SHA-256 of weights and moments, as lower-case hex.
     pub fn sha256(&self) -> String {
         let moments = [&self.seen, &self.returns].into_iter().flat_map(|m| m.mean.iter().chain(&m.variance));
-        let bytes: Vec<u8> = self.flat.iter().flat_map(|w| w.to_le_bytes()).chain(moments.flat_map(|x| x.to_le_bytes())).collect();
+        let bytes: Vec<u8> =
+            self.flat.iter().flat_map(|w| w.to_le_bytes()).chain(moments.flat_map(|x| x.to_le_bytes())).collect();
         Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect()
     }
 

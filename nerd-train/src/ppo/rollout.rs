@@ -77,10 +77,16 @@ impl Running {
 
     /// Steps all environments. Returns the task's results and the ended episodes, with `step` 0. `out` receives the
     /// stacked final observations of truncated episodes, in order of environment.
-    pub fn step(&mut self, episodes: &mut Episodes, actions: &[f64], out: &mut Vec<f64>) -> Result<(StepResult, Vec<Ended>), StepError> {
+    pub fn step(
+        &mut self,
+        episodes: &mut Episodes,
+        actions: &[f64],
+        out: &mut Vec<f64>,
+    ) -> Result<(StepResult, Vec<Ended>), StepError> {
         let result = episodes.step(actions)?;
         let over = |env: usize| result.terminated[env] || result.truncated[env];
-        let ended = (0..self.rewards.len()).filter_map(|env| self.count(0, env, result.rewards[env], over(env))).collect();
+        let ended =
+            (0..self.rewards.len()).filter_map(|env| self.count(0, env, result.rewards[env], over(env))).collect();
         let cut: Vec<usize> = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect();
         self.stack.push(&result.reached, &cut, over, episodes.observations(), out);
         Ok((result, ended))

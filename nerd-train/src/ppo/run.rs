@@ -82,8 +82,17 @@ impl PolicyRun {
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
         let fault = trainer.episodes.fault.clone();
-        let done =
-            Learned { title, policy, reward, iterations, failed: spent.failed, fault, elapsed, rate: spent.rate(), spent: spent.words() };
+        let done = Learned {
+            title,
+            policy,
+            reward,
+            iterations,
+            failed: spent.failed,
+            fault,
+            elapsed,
+            rate: spent.rate(),
+            spent: spent.words(),
+        };
         // A finished run keeps its times when started again.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
@@ -170,10 +179,13 @@ impl Spent {
 
     /// Steps per second, and shares of the stages, as text.
     fn words(&self) -> String {
-        let Some(rate) = self.rate() else { return "all iterations were done before; more --iterations continue".into() };
+        let Some(rate) = self.rate() else {
+            return "all iterations were done before; more --iterations continue".into();
+        };
         let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
-        let shares: Vec<String> = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
+        let shares: Vec<String> =
+            parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
         format!("{rate:.0} steps/s: {}", shares.join(", "))
     }
 }
@@ -182,7 +194,10 @@ impl Spent {
 fn begun(episodes: &Episodes) -> Result<()> {
     let (task, mut work) = (&episodes.task, Work::new(&episodes.simulation.batch.system));
     if (0..episodes.len()).all(|env| task.terminated(episodes.view(env), &mut work)) {
-        refuse!("task `{}`: `terminated` is not 0 at any of its starts, so every episode ends with its first step", task.name());
+        refuse!(
+            "task `{}`: `terminated` is not 0 at any of its starts, so every episode ends with its first step",
+            task.name()
+        );
     }
     Ok(())
 }
@@ -197,5 +212,7 @@ fn bearable(task: &dyn Task, system: &System, config: &PpoConfig) -> Result<()> 
     let a_step = 12 * seen + 24 * task.action_dim() + 100;
     let of = [("`environments`", config.environments), ("`horizon`", config.horizon)];
     bounds::memory(&of, a_step)?;
-    bounds::time(&[&of[..], &[("the task's `frames`", task.frames() as usize), ("substeps", system.spec.substeps)]].concat())
+    bounds::time(
+        &[&of[..], &[("the task's `frames`", task.frames() as usize), ("substeps", system.spec.substeps)]].concat(),
+    )
 }

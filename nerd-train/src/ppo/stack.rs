@@ -29,7 +29,14 @@ impl Stack {
 
     /// Pushes the observations `reached` by a step, `[env][observation]`. Copies the rows of the environments `some` to
     /// `out`, then restarts the rows of `ended` episodes with the observations `fresh`.
-    pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {
+    pub fn push(
+        &mut self,
+        reached: &[f64],
+        some: &[usize],
+        ended: impl Fn(usize) -> bool + Sync,
+        fresh: &[f64],
+        out: &mut Vec<f64>,
+    ) {
         let (width, all) = (self.width, self.width * self.depth);
         let seen = reached.par_chunks_exact(width);
         self.rows.par_chunks_exact_mut(all).zip(seen).with_min_len(FEW).for_each(|(row, now)| {

@@ -79,10 +79,15 @@ impl Trainer {
         }
         let (steps, PpoConfig { minibatch, horizon, .. }) = (config.steps(), &config);
         if *minibatch > steps {
-            refuse!("minibatch is {minibatch}, an iteration has {steps} steps ({wanted} environments x {horizon}): ask for fewer");
+            refuse!(
+                "minibatch is {minibatch}, an iteration has {steps} steps ({wanted} environments x {horizon}): ask for fewer"
+            );
         }
         if config.algorithm == Algorithm::Shac && episodes.task.levels().is_some() {
-            refuse!("task `{}` has levels, which PPO alone goes through: take PPO, or a task without levels", episodes.task.name());
+            refuse!(
+                "task `{}` has levels, which PPO alone goes through: take PPO, or a task without levels",
+                episodes.task.name()
+            );
         }
         episodes.climb();
         let shape = Shape::of(&*episodes.task, &config);
@@ -105,8 +110,14 @@ impl Trainer {
         let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
-        let taken =
-            engine.roll(RolloutInput { episodes, running: &mut state.running, policy: &state.policy, config, noise, stop: *stop })?;
+        let taken = engine.roll(RolloutInput {
+            episodes,
+            running: &mut state.running,
+            policy: &state.policy,
+            config,
+            noise,
+            stop: *stop,
+        })?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
@@ -133,9 +144,14 @@ impl Trainer {
             reward,
             length,
             // A term may be non-finite where the reward is finite; such a term has no mean.
-            terms: (episodes.task.terms().iter().cloned().zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)))
-                .filter(|(_, mean)| mean.is_finite())
-                .collect(),
+            terms: (episodes
+                .task
+                .terms()
+                .iter()
+                .cloned()
+                .zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)))
+            .filter(|(_, mean)| mean.is_finite())
+            .collect(),
             episodes: taken.ended.len(),
             failed: taken.failed,
             learning_rate: state.adam.learning_rate,

@@ -41,7 +41,8 @@ impl Adam {
     pub(super) fn step(&mut self, beta: [f64; 2], flat: &mut [f32], gradient: &[f32]) -> f32 {
         let found = norm(gradient);
         self.step += 1;
-        optimiser::Adam::new(beta, self.step, self.learning_rate, found, GRADIENT_NORM).step([flat, &mut self.m, &mut self.v], gradient);
+        optimiser::Adam::new(beta, self.step, self.learning_rate, found, GRADIENT_NORM)
+            .step([flat, &mut self.m, &mut self.v], gradient);
         found
     }
 }
@@ -62,14 +63,22 @@ impl Updated {
     pub(super) fn check(&self) -> Result<()> {
         let figures = self.terms.named().into_iter().chain([("gradient_norm", self.gradient_norm)]);
         match figures.into_iter().find(|(_, x)| !x.is_finite()) {
-            Some((name, x)) => refuse!("{name} is {x}, the policy has diverged: take a smaller `learning_rate`, and another --out"),
+            Some((name, x)) => {
+                refuse!("{name} is {x}, the policy has diverged: take a smaller `learning_rate`, and another --out")
+            }
             None => Ok(()),
         }
     }
 }
 
 /// All passes over one rollout; see [`super::Engine::update`].
-pub(super) fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, key: StreamKey) -> Updated {
+pub(super) fn update(
+    policy: &mut Policy,
+    adam: &mut Adam,
+    rollout: &Rollout,
+    config: &PpoConfig,
+    key: StreamKey,
+) -> Updated {
     let mut data = Data::begun(policy, rollout);
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
     let mut network = TrainingNetwork::new(policy);
@@ -94,7 +103,10 @@ pub(super) fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, co
 }
 
 /// A permutation of all steps of an iteration for each pass.
-pub(super) fn orders(config: &PpoConfig, StreamKey { seed, number }: StreamKey) -> impl Iterator<Item = Vec<u32>> + use<> {
+pub(super) fn orders(
+    config: &PpoConfig,
+    StreamKey { seed, number }: StreamKey,
+) -> impl Iterator<Item = Vec<u32>> + use<> {
     let (n, epochs) = (config.steps(), config.epochs as u64);
     let mut order = (0..n as u32).collect::<Vec<_>>();
     (0..epochs).map(move |epoch| {
@@ -185,7 +197,14 @@ impl TrainingNetwork {
 }
 
 /// Forward and backward pass over a minibatch; `scale` weights each step in the mean loss.
-fn gradient(policy: &Policy, network: &TrainingNetwork, data: &Data, batch: &[u32], scale: f32, config: &PpoConfig) -> Gradient {
+fn gradient(
+    policy: &Policy,
+    network: &TrainingNetwork,
+    data: &Data,
+    batch: &[u32],
+    scale: f32,
+    config: &PpoConfig,
+) -> Gradient {
     let shape = &policy.shape;
     let (a, width, outputs) = (shape.action, shape.inputs(), shape.outputs());
     let parts = batch.par_chunks(ROWS).map(|rows| {
@@ -212,7 +231,8 @@ fn gradient(policy: &Policy, network: &TrainingNetwork, data: &Data, batch: &[u3
             let (d_v, d_out) = rest.split_at_mut(1);
             let d_s = if shape.state_dependent_std { d_out } else { &mut of_spread[..] };
             let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
-            one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
+            one.kl =
+                f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
             part.terms.add(&one);
             spreads.iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
             part.mean.extend_from_slice(&said[..a]);

@@ -23,7 +23,13 @@ pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<
 
 /// Adds an episode under mean actions, or its first `steps` steps, to a page; returns its total reward. Only the first
 /// track of a page has goals and rewards.
-pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episodes, steps: usize) -> Result<f64, StepError> {
+pub fn record(
+    page: &mut Replay,
+    name: &str,
+    actor: &Actor,
+    episodes: &mut Episodes,
+    steps: usize,
+) -> Result<f64, StepError> {
     page.begin(name);
     let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);
     for _ in 0..steps {

@@ -68,7 +68,9 @@ impl Ground {
         let (nodes, cell) = field.grid();
         // A grid that does not repeat is centred, so its first node is at a corner.
         let first = [0, 1].map(|k| if field.repeats() { 0.0 } else { -0.5 * (nodes[k] - 1) as f64 * cell[k] });
-        let node = |k: usize| rounded(field.at(first[0] + (k / nodes[1]) as f64 * cell[0], first[1] + (k % nodes[1]) as f64 * cell[1]).0);
+        let node = |k: usize| {
+            rounded(field.at(first[0] + (k / nodes[1]) as f64 * cell[0], first[1] + (k % nodes[1]) as f64 * cell[1]).0)
+        };
         let axes = [0, 1, 2].map(|k| (body.pose.rotation * nalgebra::Vector3::ith(k, 1.0)).into());
         let heights = (0..nodes[0] * nodes[1]).map(node).collect();
         let origin = (body.pose * nalgebra::Point3::new(first[0], first[1], 0.0)).into();
@@ -108,8 +110,10 @@ impl Replay {
     pub fn compare(&mut self, robot: &Robot) {
         let ([one, two, ..], points @ [_, ..]) = (&self.tracks[..], &robot.contact_points[..]) else { return };
         let place = |poses: &[[f32; 7]], p: &ContactPoint| isometry(&poses[p.link]) * Point3::from(p.local);
-        let apart = |a: &[[f32; 7]], b: &[[f32; 7]]| points.iter().map(|p| (place(a, p) - place(b, p)).norm()).sum::<f64>();
-        self.apart = one.poses.iter().zip(&two.poses).map(|(a, b)| rounded(apart(a, b) / points.len() as f64)).collect();
+        let apart =
+            |a: &[[f32; 7]], b: &[[f32; 7]]| points.iter().map(|p| (place(a, p) - place(b, p)).norm()).sum::<f64>();
+        self.apart =
+            one.poses.iter().zip(&two.poses).map(|(a, b)| rounded(apart(a, b) / points.len() as f64)).collect();
     }
 
     /// Frames of the longest motion.

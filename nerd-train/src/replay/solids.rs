@@ -61,8 +61,12 @@ pub(super) fn solids(system: &System) -> Vec<Solid> {
                 let [low, high] = corners.iter().fold([corners[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
                 let middle = 0.5 * (low + high);
                 let corners = corners.iter().map(|p| (p - middle).data.0[0].map(rounded)).collect();
-                let around =
-                    Solid::new(own.link, &(own.pose * Translation3::from(middle)), "hull", (0.5 * (high - low)).as_slice().to_vec());
+                let around = Solid::new(
+                    own.link,
+                    &(own.pose * Translation3::from(middle)),
+                    "hull",
+                    (0.5 * (high - low)).as_slice().to_vec(),
+                );
                 Solid { hull: Some((corners, triangles)), ..around }
             }
         })
@@ -100,7 +104,8 @@ fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
         let own = robot.contact_points.iter().filter(|p| p.link == link).map(|p| p.local);
         let own: Vec<Vector3<f64>> = own.filter(|p| p.norm() > 1e-3).collect();
         let middle = own.iter().sum::<Vector3<f64>>() / own.len().max(1) as f64;
-        let mut ends: Vec<_> = next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect();
+        let mut ends: Vec<_> =
+            next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect();
         ends.dedup_by(|a, b| (*a - *b).norm() < 1e-6);
         ends
     };

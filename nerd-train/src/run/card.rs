@@ -141,16 +141,29 @@ pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>
 fn history(config: &ModelConfig) -> String {
     let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
     let ModelConfig { updates, batch, transitions, .. } = config;
-    let run = format!("{} of a run of {updates} updates of {batch} windows on {transitions} transitions", row("weights"));
+    let run =
+        format!("{} of a run of {updates} updates of {batch} windows on {transitions} transitions", row("weights"));
     // The policies' names are on that model's card.
     let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
     let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));
-    let run = format!("{run} (`{}`, {} minutes on {}, commit {})", row("command"), row("minutes"), row("machine"), row("commit"));
+    let run = format!(
+        "{run} (`{}`, {} minutes on {}, commit {})",
+        row("command"),
+        row("minutes"),
+        row("machine"),
+        row("commit")
+    );
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
 
 /// Writes the model folder `OUT/model` with a card made from the run's records.
-pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
+pub(super) fn export(
+    plan: &Plan,
+    run: &Identity,
+    normalizer: Normalizer,
+    weights: Weights,
+    chosen: String,
+) -> Result<()> {
     let out = &plan.config.out;
     let mut own = vec![
         ("weights", chosen),
@@ -206,12 +219,17 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     let model = Model::load(folder, system, None)?;
     if let Some(measured) = &plan.measured {
         let pieces = measured.rollouts(&measured.held_out, &plan.network, JUDGED)?;
-        return said(folder, card, recorded(measured, &pieces, &model, &[("as described", measured.described()?)], None)?);
+        return said(
+            folder,
+            card,
+            recorded(measured, &pieces, &model, &[("as described", measured.described()?)], None)?,
+        );
     }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
     // A fixed arm that holds its pose does not move.
-    let action = if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
+    let action =
+        if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
     let seed = config.record.seed.wrapping_add(2_000);
     let protocol = PassiveConfig { starts: JUDGED, steps: horizon(&system.name), seed, action };
     said(folder, card, verdict(system, &system.scene(scene)?, &model, protocol)?)
@@ -220,7 +238,8 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
 fn said(folder: &Path, card: &str, verdict: Option<Verdict>) -> Result<Option<Verdict>> {
     if let Some(verdict) = &verdict {
         let path = folder.join("README.md");
-        nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes()).map_err(Error::file(&path))?;
+        nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes())
+            .map_err(Error::file(&path))?;
     }
     Ok(verdict)
 }

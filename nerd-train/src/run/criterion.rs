@@ -19,7 +19,11 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
         return distance(system, motions, &weights, normalizer);
     }
     let learned = |starts: usize| -> Result<Neural> {
-        let model = Model { config: model_config(identity, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
+        let model = Model {
+            config: model_config(identity, &Default::default()),
+            normalizer: normalizer.clone(),
+            weights: weights.clone(),
+        };
         Ok(Neural::new(model, config.device.network(&weights, starts)?))
     };
     if let Some(measured) = &plan.measured {
@@ -36,7 +40,8 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     let mut total = 0.0;
     for scene in &scenes {
         let mut truth = config.record.truth(system).solver(system);
-        total += figure(&passive(system, &system.scene(scene)?, &mut *truth, &mut learned(starts)?, protocol, &mut |_| ())?);
+        total +=
+            figure(&passive(system, &system.scene(scene)?, &mut *truth, &mut learned(starts)?, protocol, &mut |_| ())?);
     }
     Ok(total / scenes.len() as f64)
 }
@@ -48,7 +53,14 @@ fn family(plan: &Plan) -> Result<Pieces> {
     let before = plan.network.reach() / 2;
     let frames = before + horizon(&system.name);
     let (transitions, seed) = (config.rollouts * frames, 1_000 + config.record.seed);
-    let recorded = GenerateConfig { transitions, frames, seed, hold: config.record.hold, resets: 1.0, ..GenerateConfig::default() };
+    let recorded = GenerateConfig {
+        transitions,
+        frames,
+        seed,
+        hold: config.record.hold,
+        resets: 1.0,
+        ..GenerateConfig::default()
+    };
     Pieces::drawn(system, config.record.truth(system), &recorded, before)
 }
 

@@ -65,8 +65,13 @@ impl Data {
         let (record, sequence, form) = (&config.record, plan.network.sequence(), plan.mode.form());
         let (mut training, mut validation) = match &plan.measured {
             Some(measured) => {
-                let part = |part: &[_]| Ok::<_, Error>(tokens(system, &measured.recording(part, record.frames, sequence)?, sequence, form));
-                (Prepared { windows: part(&measured.learned)?, sha256: measured.sha256.clone() }, part(&measured.choosing)?)
+                let part = |part: &[_]| {
+                    Ok::<_, Error>(tokens(system, &measured.recording(part, record.frames, sequence)?, sequence, form))
+                };
+                (
+                    Prepared { windows: part(&measured.learned)?, sha256: measured.sha256.clone() },
+                    part(&measured.choosing)?,
+                )
             }
             None => {
                 let training = match &config.data {
@@ -79,7 +84,11 @@ impl Data {
         };
         let windows = &training.windows;
         if windows.is_empty() || validation.is_empty() {
-            refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
+            refuse!(
+                "{} trajectories of {} frames hold no sequence of {sequence} tokens",
+                windows.trajectories(),
+                windows.frames
+            );
         }
         let own = || {
             let mut own = moments(windows);
@@ -108,12 +117,15 @@ impl Data {
         let Plan { config, system, .. } = plan;
         let record = &config.record;
         let truth = record.truth(system).name();
-        let recorded =
-            |what: &GenerateConfig| cache.get((&config.robot, &truth, what, config.device), || record.motions(system, what, config.device));
+        let recorded = |what: &GenerateConfig| {
+            cache.get((&config.robot, &truth, what, config.device), || record.motions(system, what, config.device))
+        };
         let frames = plan.mode.frames().unwrap_or(1);
         let (motions, validation) = match &plan.measured {
             Some(measured) => {
-                let part = |part: &[_]| Ok::<_, Error>(Motions::of(measured.recording(part, record.frames, frames)?, &measured.scene()?));
+                let part = |part: &[_]| {
+                    Ok::<_, Error>(Motions::of(measured.recording(part, record.frames, frames)?, &measured.scene()?))
+                };
                 let mut motions = part(&measured.learned)?;
                 motions.sha256.clone_from(&measured.sha256);
                 (Arc::new(motions), Arc::new(part(&measured.choosing)?))

@@ -25,7 +25,9 @@ pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box
         (Device::Cpu, Sets::Cable(course)) => unrolled(plan, state, *course)?,
         (_, Sets::Robot(course)) => unrolled(plan, state, *course)?,
         #[cfg(feature = "cuda")]
-        (_, Sets::Cable(course)) => Box::new(CudaUnrollLearner::new(&plan.system, learner, precision(plan), state, *course)?),
+        (_, Sets::Cable(course)) => {
+            Box::new(CudaUnrollLearner::new(&plan.system, learner, precision(plan), state, *course)?)
+        }
         #[cfg(feature = "cuda")]
         (Device::Cuda | Device::CudaF32, Sets::Windows([train, validation])) => {
             Box::new(CudaLearner::new(learner, precision(plan), state, [&train, &validation])?)

@@ -112,8 +112,18 @@ impl RunConfig {
     /// The mode of these settings. Refuses settings that it does not use.
     pub fn mode(&self) -> Result<Mode> {
         self.used()?;
-        let Self { base, view, condition_on_params: told, history, head_width, sequence, huber, epsilon, fresh_transitions: fresh, .. } =
-            *self;
+        let Self {
+            base,
+            view,
+            condition_on_params: told,
+            history,
+            head_width,
+            sequence,
+            huber,
+            epsilon,
+            fresh_transitions: fresh,
+            ..
+        } = *self;
         let (data, from) = (self.data.clone(), self.from.clone());
         let held_out = || self.held_out.clone().unwrap_or_default();
         let stored = || match self.log() {
@@ -123,9 +133,13 @@ impl RunConfig {
         let frames = sequence.unwrap_or(1);
         let mode = match (self.variant, from) {
             (Variant::Chain, from) => Mode::Chain { frames, from, shards: data },
-            (Variant::Nerd, Some(from)) if self.rolls_out() => Mode::Rollouts { base, view, frames, from, stored: stored() },
+            (Variant::Nerd, Some(from)) if self.rolls_out() => {
+                Mode::Rollouts { base, view, frames, from, stored: stored() }
+            }
             (Variant::Nerd, None) if self.rolls_out() => {
-                refuse!("--sequence with --history 1 goes on from a model that knows single frames: give it with --from")
+                refuse!(
+                    "--sequence with --history 1 goes on from a model that knows single frames: give it with --from"
+                )
             }
             (Variant::Nerd, from) => {
                 let context = match history {
@@ -156,7 +170,11 @@ impl RunConfig {
         let (chain, rolled, log) = (self.variant == Variant::Chain, self.rolls_out(), self.log().is_some());
         let sequences = self.stream || chain || self.history == 1 || self.sequence <= Some(1);
         let unused: [(bool, &str, &[&str]); 9] = [
-            (chain, "with --variant chain", &["stream", "base", "view", "condition-on-params", "fresh-transitions", "epsilon", "huber"]),
+            (
+                chain,
+                "with --variant chain",
+                &["stream", "base", "view", "condition-on-params", "fresh-transitions", "epsilon", "huber"],
+            ),
             (rolled, "where --sequence rolls out", &["condition-on-params", "fresh-transitions", "huber"]),
             (
                 log,
@@ -228,22 +246,33 @@ impl Mode {
     /// Shape of the network for `system`.
     pub fn network(&self, system: &System, embedding: usize, layers: usize) -> Result<TransformerConfig> {
         let wrong = |reason: String| Error::Refused(format!("--embedding {embedding}, --layers {layers}: {reason}"));
-        let paper = |inputs, outputs| TransformerConfig { layers, ..TransformerConfig::paper(inputs, outputs, embedding) };
+        let paper =
+            |inputs, outputs| TransformerConfig { layers, ..TransformerConfig::paper(inputs, outputs, embedding) };
         let robot = || paper(Features::inputs(system, self.form()), Features::outputs(system));
-        let single = |network, block, architecture| TransformerConfig { heads: 1, block, history: 1, head: 1, architecture, ..network };
+        let single = |network, block, architecture| TransformerConfig {
+            heads: 1,
+            block,
+            history: 1,
+            head: 1,
+            architecture,
+            ..network
+        };
         let heads = |head_width: usize| (embedding / head_width.max(1)).max(1);
         let network = match *self {
             Self::Chain { .. } => {
                 let rods = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?.rods;
                 single(paper(chain::INPUTS, chain::OUTPUTS), rods, Architecture::Chain)
             }
-            Self::Rollouts { .. } | Self::Windows { context: Context::Frame, .. } => single(robot(), 1, Architecture::Residual),
+            Self::Rollouts { .. } | Self::Windows { context: Context::Frame, .. } => {
+                single(robot(), 1, Architecture::Residual)
+            }
             Self::Windows { context: Context::Window { history, head_width }, .. } => {
                 let network = robot();
                 TransformerConfig { heads: heads(head_width), history, block: network.block.max(history), ..network }
             }
             Self::Windows { context: Context::Stream { history, head_width, sequence }, .. } => {
-                let network = TransformerConfig { heads: heads(head_width), history, positions: Positions::Rotary, ..robot() };
+                let network =
+                    TransformerConfig { heads: heads(head_width), history, positions: Positions::Rotary, ..robot() };
                 // All frames that a rollout's prediction depends on, so that training covers the longest history.
                 TransformerConfig { block: sequence.unwrap_or(network.reach().max(SEQUENCE)).max(history), ..network }
             }

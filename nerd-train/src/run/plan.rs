@@ -75,11 +75,13 @@ impl Plan {
         // Small shards of fresh data arrive soon, even from a slow truth.
         recording.shard_trajectories = if fresh > 0 { 64 } else { 512 };
         if fresh > 0 {
-            recording.transitions = recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
+            recording.transitions =
+                recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
         }
         recording.check(&system)?;
         recording.until = Stop::after(Instant::now() + PATIENCE, config.minutes).0;
-        let (sequence, recorded) = (mode.frames().unwrap_or(1).max(sequence), matches!(source, Source::Recorded { .. }));
+        let (sequence, recorded) =
+            (mode.frames().unwrap_or(1).max(sequence), matches!(source, Source::Recorded { .. }));
         if recorded && sequence > config.record.frames {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
         }
@@ -90,7 +92,20 @@ impl Plan {
         let actors = recorded.then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config)?;
         let config = config.clone();
-        Ok(Self { config, mode, system, network, learner, trainer, recording, fresh, measured, parent, actors, arithmetic })
+        Ok(Self {
+            config,
+            mode,
+            system,
+            network,
+            learner,
+            trainer,
+            recording,
+            fresh,
+            measured,
+            parent,
+            actors,
+            arithmetic,
+        })
     }
 
     /// Whether rollouts choose the weights. For a chain that learns single frames, rollouts say little about progress.

@@ -29,11 +29,16 @@ const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpo
     "ant-rapier");
 
 /// Keys that concern recording.
-const RECORDS: [&str; 7] = ["transitions", "fresh-transitions", "torque-scale", "hold", "resets", "policy", "policy-share"];
+const RECORDS: [&str; 7] =
+    ["transitions", "fresh-transitions", "torque-scale", "hold", "resets", "policy", "policy-share"];
 
 /// Old keys of a file with their new ones; old keys are read for one version.
-const RENAMED: [(&str, &str); 4] =
-    [("rate", "learning-rate"), ("last-rate", "final-learning-rate"), ("told", "condition-on-params"), ("fresh", "fresh-transitions")];
+const RENAMED: [(&str, &str); 4] = [
+    ("rate", "learning-rate"),
+    ("last-rate", "final-learning-rate"),
+    ("told", "condition-on-params"),
+    ("fresh", "fresh-transitions"),
+];
 
 /// Runs to train one after the other.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +61,10 @@ impl Recipe {
     /// The shipped recipe `name`, overridden by `given`.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
-            refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().collect::<Vec<_>>().join(", "));
+            refuse!(
+                "--recipe {name}: choose from {}; of your own give the file",
+                Self::names().collect::<Vec<_>>().join(", ")
+            );
         };
         let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
         let recipe = Self::parse(&path, text, &Given::new())?;
@@ -86,7 +94,8 @@ impl Recipe {
         let Some(runs) = runs else {
             return Ok(Self { runs: vec![under(first, given)?] });
         };
-        let mut own: Vec<Given> = serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
+        let mut own: Vec<Given> =
+            serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
         if own.is_empty() {
             return Err(wrong("`run` is empty".into()));
         }
@@ -101,7 +110,8 @@ impl Recipe {
             let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
             let next = link(own, given)?;
             // An empty folder stays empty, for the check of the settings.
-            let out = if next.out.as_os_str().is_empty() { next.out.clone() } else { next.out.join(format!("{}", k + 1)) };
+            let out =
+                if next.out.as_os_str().is_empty() { next.out.clone() } else { next.out.join(format!("{}", k + 1)) };
             runs.push(match runs.last() {
                 None => RunConfig { out, ..next },
                 // A run from a model uses the model's normaliser.
@@ -137,7 +147,8 @@ impl Recipe {
 impl RunConfig {
     /// A shipped recipe of one run, for any robot: `paper`, `small`, `quick` or `urdf`.
     pub fn recipe(name: &str, robot: &str, out: impl Into<PathBuf>) -> Result<Self> {
-        let given = Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
+        let given =
+            Self::new(robot, out).given().into_iter().filter(|(key, _)| key == "robot" || key == "out").collect();
         match &Recipe::named(name, &given)?.runs[..] {
             [one] => Ok(one.clone()),
             runs => refuse!("recipe {name} has {} runs, one is needed", runs.len()),

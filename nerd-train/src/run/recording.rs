@@ -54,7 +54,8 @@ impl RecordConfig {
         let Self { frames, hold, resets, seed, .. } = *self;
         let torque_scale = Range { low: self.torque_scale, high: 1.0 };
         let pilot = self.pilot(system)?;
-        let config = GenerateConfig { transitions, seed, torque_scale, frames, hold, resets, pilot, ..Default::default() };
+        let config =
+            GenerateConfig { transitions, seed, torque_scale, frames, hold, resets, pilot, ..Default::default() };
         config.check(system)?;
         Ok(config)
     }
@@ -144,7 +145,12 @@ impl RecordConfig {
         Ok(motions)
     }
 
-    pub(super) fn tokens(&self, system: &Arc<System>, config: &GenerateConfig, form: (usize, Form)) -> Result<Prepared> {
+    pub(super) fn tokens(
+        &self,
+        system: &Arc<System>,
+        config: &GenerateConfig,
+        form: (usize, Form),
+    ) -> Result<Prepared> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);
         let prepared = generate(system, &|| self.truth(system).solver(system), config, form, &tell)?;

@@ -36,16 +36,24 @@ impl Run {
         }
         let data = Data::of(plan, cache)?;
         (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
-        let first = || plan.parent.as_ref().map_or_else(|| Weights::init(plan.network, plan.learner.seed), |p| p.weights.clone());
+        let first = || {
+            plan.parent.as_ref().map_or_else(|| Weights::init(plan.network, plan.learner.seed), |p| p.weights.clone())
+        };
         let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
-        let made = if config.finish { Some(self.finish(&identity, data.judge)?) } else { self.updates(&identity, data, state, started)? };
+        let made = if config.finish {
+            Some(self.finish(&identity, data.judge)?)
+        } else {
+            self.updates(&identity, data, state, started)?
+        };
         Ok(made.map(|()| out.join("model")))
     }
 
     /// Exports the best weights so far as a model.
     fn finish(&self, identity: &Identity, judge: Judge) -> Result<()> {
         let best = self.trainer(identity)?.best()?;
-        let Some(best) = best else { refuse!("{}: no validated weights of this very run", self.plan.config.out.display()) };
+        let Some(best) = best else {
+            refuse!("{}: no validated weights of this very run", self.plan.config.out.display())
+        };
         let chosen = format!("{}; the run was ended there", self.averaged(&best));
         export(&self.plan, identity, judge.normalizer, best.weights, chosen)
     }
@@ -104,7 +112,9 @@ impl Run {
     /// Remaining time of the run, at least a second.
     fn left(&self, started: Instant) -> Option<Duration> {
         // Minutes beyond the range of a duration are no limit.
-        let left = |minutes: f64| Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok();
+        let left = |minutes: f64| {
+            Duration::try_from_secs_f64((60.0 * minutes - started.elapsed().as_secs_f64()).max(1.0)).ok()
+        };
         self.plan.config.minutes.and_then(left)
     }
 
@@ -117,7 +127,8 @@ impl Run {
         }
         let (truth, system) = (plan.config.record.truth(&plan.system), plan.system.clone());
         let shards = fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
-        let (updates, history, form, normalizer) = (plan.trainer.updates, plan.network.sequence(), plan.mode.form(), normalizer.clone());
+        let (updates, history, form, normalizer) =
+            (plan.trainer.updates, plan.network.sequence(), plan.mode.form(), normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
         Ok(Some(Supply::new(&plan.system, move || truth.solver(&system), config)?))
     }
@@ -125,19 +136,36 @@ impl Run {
     fn say_stopped(&self, outcome: &Outcome, started: Instant) {
         let (TrainerConfig { updates, validate_every, .. }, seconds) = (self.plan.trainer, started.elapsed().as_secs());
         let so_far = match outcome.best {
-            Some((step, _)) => format!("with --finish it makes a model of the best weights so far, those of update {step}"),
-            None => format!("there is no model yet: the first validation is at update {}", validate_every.max(1).min(updates)),
+            Some((step, _)) => {
+                format!("with --finish it makes a model of the best weights so far, those of update {step}")
+            }
+            None => format!(
+                "there is no model yet: the first validation is at update {}",
+                validate_every.max(1).min(updates)
+            ),
         };
-        tell!("stopped at update {} of {updates} after {seconds} s; the same command continues; {so_far}", outcome.step);
+        tell!(
+            "stopped at update {} of {updates} after {seconds} s; the same command continues; {so_far}",
+            outcome.step
+        );
     }
 
     fn averaged(&self, best: &Best) -> String {
-        format!("moving average {} at update {}, chosen by criterion {:.5}", self.plan.learner.average, best.step, best.criterion)
+        format!(
+            "moving average {} at update {}, chosen by criterion {:.5}",
+            self.plan.learner.average, best.step, best.criterion
+        )
     }
 
     /// The best average or the last weights, by criterion. After a decay of the rate to zero, the last weights need no
     /// average and may be better.
-    fn choose(&self, identity: &Identity, judge: &Judge, best: Best, engine: &mut dyn Learner) -> Result<(Weights, String)> {
+    fn choose(
+        &self,
+        identity: &Identity,
+        judge: &Judge,
+        best: Best,
+        engine: &mut dyn Learner,
+    ) -> Result<(Weights, String)> {
         if self.plan.rolls() {
             let last = engine.state()?.weights;
             let found = rollout_error(&self.plan, identity, judge, last.clone()).unwrap_or(f64::INFINITY);

@@ -1,5 +1,5 @@
-//! Which solver at which settings on which device: text to value and back, the one way in which command line, Python, charts, calibration and
-//! results name a solver.
+//! Which solver at which settings on which device: text to value and back, the one way in which command line, Python,
+//! charts, calibration and results name a solver.
 //!
 //! ```
 //! use nerd_train::spec::SolverSpec;
@@ -61,7 +61,8 @@ pub enum Method {
     Paper,
 }
 
-/// Settings of rapier's multibodies: by default 4 steps of 4 iterations in the root's axes, the truth of models ROBOT-rapier.
+/// Settings of rapier's multibodies: by default 4 steps of 4 iterations in the root's axes, the truth of models
+/// ROBOT-rapier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RapierSpec {
     /// Collisions are found anew in each.
@@ -172,7 +173,9 @@ impl SolverSpec {
         if let Some(folder) = folder {
             match folder.join("config.json").exists() {
                 true => return Ok(self),
-                false => refuse!("{}: no model is there; name the folder of one, as in neural(models/ant)", folder.display()),
+                false => {
+                    refuse!("{}: no model is there; name the folder of one, as in neural(models/ant)", folder.display())
+                }
             }
         }
         let device = *device;
@@ -206,8 +209,12 @@ impl SolverSpec {
     pub fn moves_as(&self, other: &Self, system: &System, scene: &Scene) -> bool {
         let contact = system.held() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
         match (self, other) {
-            (Self::Articulated(own), Self::Articulated(their)) if (own.settled, own.device) == (their.settled, their.device) => {
-                self.config(system).zip(other.config(system)).is_some_and(|(ours, theirs)| ours.moves_as(&theirs, contact))
+            (Self::Articulated(own), Self::Articulated(their))
+                if (own.settled, own.device) == (their.settled, their.device) =>
+            {
+                self.config(system)
+                    .zip(other.config(system))
+                    .is_some_and(|(ours, theirs)| ours.moves_as(&theirs, contact))
             }
             _ => self == other,
         }
@@ -227,7 +234,8 @@ impl SolverSpec {
         let mut finer = self.clone();
         match &mut finer {
             Self::Articulated(own) => {
-                own.substeps = Some(times * own.substeps.unwrap_or(system.spec.substeps)).filter(|_| times > 1).or(own.substeps)
+                own.substeps =
+                    Some(times * own.substeps.unwrap_or(system.spec.substeps)).filter(|_| times > 1).or(own.substeps)
             }
             Self::Rapier(own) => own.steps *= times,
             Self::Neural(_) => {}
@@ -239,7 +247,9 @@ impl SolverSpec {
     pub fn asked(&self) -> Option<usize> {
         match self {
             Self::Articulated(own) => own.substeps,
-            Self::Rapier(RapierSpec { steps: 1, iterations, .. }) if *iterations != USUAL.iterations => Some(*iterations),
+            Self::Rapier(RapierSpec { steps: 1, iterations, .. }) if *iterations != USUAL.iterations => {
+                Some(*iterations)
+            }
             Self::Rapier(own) => Some(own.steps),
             Self::Neural(_) => None,
         }
@@ -256,7 +266,9 @@ impl SolverSpec {
                 (Method::Paper, _) => "articulated, the paper's method",
             },
             Self::Rapier(RapierSpec { world: true, .. }) => "rapier, world axes",
-            Self::Rapier(RapierSpec { iterations, .. }) if *iterations == USUAL.iterations => "rapier, steps of 4 iterations",
+            Self::Rapier(RapierSpec { iterations, .. }) if *iterations == USUAL.iterations => {
+                "rapier, steps of 4 iterations"
+            }
             Self::Rapier(RapierSpec { steps: 1, .. }) => "rapier, iterations of 1 step",
             Self::Rapier(_) => "rapier",
             Self::Neural(_) => "NeRD",
@@ -283,7 +295,9 @@ impl SolverSpec {
 impl ArticulatedSpec {
     fn solver(self, config: ArticulatedConfig, system: &System) -> Result<Box<dyn Solver>> {
         if self.method == Method::Paper {
-            Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| Error::Refused(format!("method=paper: {e}")))?;
+            Truth::Paper
+                .check(&system.robot, system.spec.self_collision)
+                .map_err(|e| Error::Refused(format!("method=paper: {e}")))?;
         }
         match self.device {
             Device::Cpu => {
@@ -303,6 +317,11 @@ impl ArticulatedSpec {
 impl RapierSpec {
     /// rapier's own settings.
     pub fn config(self) -> RapierConfig {
-        RapierConfig { steps: self.steps, iterations: self.iterations, own_axes: !self.world, ..RapierConfig::default() }
+        RapierConfig {
+            steps: self.steps,
+            iterations: self.iterations,
+            own_axes: !self.world,
+            ..RapierConfig::default()
+        }
     }
 }

@@ -15,7 +15,8 @@ pub fn resident(spec: &SolverSpec, system: &Arc<System>, real: Real, precision: 
         let whole = crate::learner::cuda::resident(Model::load(folder, system, None)?, system, real, precision);
         return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
     }
-    let config = spec.config(system).ok_or_else(|| Error::Refused(format!("{spec} has no kernels; step it on the CPU")))?;
+    let config =
+        spec.config(system).ok_or_else(|| Error::Refused(format!("{spec} has no kernels; step it on the CPU")))?;
     has_kernels(&config).map_err(|why| Error::Refused(format!("{spec}: {why}")))?;
     Ok(Box::new(CudaArticulated::new(config, real)))
 }

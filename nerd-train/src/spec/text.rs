@@ -118,8 +118,12 @@ impl fmt::Display for SolverSpec {
             Self::Neural(own) => {
                 let folder = own.folder.as_ref().map(|folder| folder.display().to_string());
                 let setting = |folder: &str| folder.split_once('=').is_some_and(|(key, _)| plain(key.trim()));
-                let odd =
-                    |folder: &str| setting(folder) || folder.contains(',') || folder.trim() != folder || Device::WORDS.contains(&folder);
+                let odd = |folder: &str| {
+                    setting(folder)
+                        || folder.contains(',')
+                        || folder.trim() != folder
+                        || Device::WORDS.contains(&folder)
+                };
                 said.extend(folder.map(|folder| if odd(&folder) { format!("\"{folder}\"") } else { folder }));
                 "neural"
             }

@@ -25,10 +25,21 @@ pub trait Body: Clone + Send + Sync {
     /// State of a recorded motion, in its view.
     fn truth(&self, motions: &Motions, place: &Place<Self::View>) -> Self::State;
     /// Observes a state at a place of a motion; appends normalised tokens to `tokens`.
-    fn look(&self, state: &Self::State, at: (&Motions, &Place<Self::View>), memory: &mut Self::Memory, tokens: &mut Vec<f32>)
-    -> Self::Look;
+    fn look(
+        &self,
+        state: &Self::State,
+        at: (&Motions, &Place<Self::View>),
+        memory: &mut Self::Memory,
+        tokens: &mut Vec<f32>,
+    ) -> Self::Look;
     /// State after the frame, from the network's normalised outputs.
-    fn advance(&self, before: &Self::State, look: &Self::Look, outputs: &[f32], memory: &mut Self::Memory) -> Self::State;
+    fn advance(
+        &self,
+        before: &Self::State,
+        look: &Self::Look,
+        outputs: &[f32],
+        memory: &mut Self::Memory,
+    ) -> Self::State;
     /// Zero gradient.
     fn level(&self) -> Self::Slope;
     /// Loss of a `[predicted, true]` state in frame k (from 1), times `weight`; adds its gradient to `gradient`.
@@ -38,7 +49,13 @@ pub trait Body: Clone + Send + Sync {
     fn join(&self, own: &mut Self::Slope, upstream: &Self::Slope, later: usize);
     /// Gradient with respect to the outputs, from the `upstream` gradient with respect to the state after the frame.
     /// Adds the direct part with respect to the state before the frame to `gradient`.
-    fn advance_back(&self, before: &Self::State, outputs: &[f32], upstream: &Self::Slope, gradient: &mut Self::Slope) -> Vec<f32>;
+    fn advance_back(
+        &self,
+        before: &Self::State,
+        outputs: &[f32],
+        upstream: &Self::Slope,
+        gradient: &mut Self::Slope,
+    ) -> Vec<f32>;
     /// Adds to `gradient` the gradient with respect to the state before a frame that passes through the observation.
     /// Sources are the gradient with respect to tokens and the `upstream` one.
     fn look_back(

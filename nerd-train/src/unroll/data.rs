@@ -26,7 +26,8 @@ pub struct Motions {
 impl Motions {
     /// Reads motions from a folder that [`nerd_sim::dataset::generate`] wrote with the truth `truth`.
     pub fn read(system: &Arc<System>, truth: &str, folder: &Path) -> Result<Self, DatasetError> {
-        let (manifest, shards) = opened(system, truth, folder, |manifest, name| manifest.shard_in_scenes(folder, name, system))?;
+        let (manifest, shards) =
+            opened(system, truth, folder, |manifest, name| manifest.shard_in_scenes(folder, name, system))?;
         let hashes: Vec<_> = shards.par_iter().map(|(recording, _)| recording.sha256()).collect();
         let motions = Self::joined(shards);
         manifest.holds(folder, hashes, motions.len(), motions.frames)?;
@@ -67,7 +68,9 @@ impl Motions {
             numbers.iter().for_each(|x| hash.update(x.to_le_bytes()));
             hash.finalize().into()
         };
-        let parts = |numbers: &[f64]| numbers.par_chunks((numbers.len() / all.len().max(1)).max(1) * HASHED).map(part).collect::<Vec<_>>();
+        let parts = |numbers: &[f64]| {
+            numbers.par_chunks((numbers.len() / all.len().max(1)).max(1) * HASHED).map(part).collect::<Vec<_>>()
+        };
         all.sha256 = sha256_of(parts(&all.states).into_iter().chain(parts(&all.torques)));
         all
     }

@@ -40,7 +40,8 @@ impl<B: Body> Unroll<'_, B> {
         let (frames, mut own) = (self.course.frames, self.course.body.memory());
         memory.resize_with(frames.max(memory.len()), Memory::default);
         let mut total = 0.0;
-        let kept: Vec<Kept<B>> = (0..frames).map(|k| self.forward(k, rollouts, weight, (&mut own, &mut memory[k]), &mut total)).collect();
+        let kept: Vec<Kept<B>> =
+            (0..frames).map(|k| self.forward(k, rollouts, weight, (&mut own, &mut memory[k]), &mut total)).collect();
         let mut gradient: Vec<f32> = Vec::new();
         let mut upstream: Vec<B::Slope> = Vec::new();
         for (k, kept) in kept.into_iter().enumerate().rev() {
@@ -59,7 +60,8 @@ impl<B: Body> Unroll<'_, B> {
     ) -> Kept<B> {
         let Course { body, train, .. } = self.course;
         let mut tokens = Vec::new();
-        let looks: Vec<B::Look> = rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect();
+        let looks: Vec<B::Look> =
+            rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect();
         let outputs = self.network.forward(&tokens, memory, Pass::Kept(body.tokens())).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
         let rows = outputs.chunks_exact(outputs.len() / rollouts.len().max(1));
@@ -98,7 +100,9 @@ impl<B: Body> Unroll<'_, B> {
             false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
         }
         let rows = by_tokens.chunks_exact(by_tokens.len() / count);
-        for ((((before, look), upstream), row), slope) in kept.before.iter().zip(&kept.looks).zip(&all).zip(rows).zip(&mut slopes) {
+        for ((((before, look), upstream), row), slope) in
+            kept.before.iter().zip(&kept.looks).zip(&all).zip(rows).zip(&mut slopes)
+        {
             body.look_back(before, look, row, upstream, slope, own);
         }
         slopes

@@ -48,7 +48,11 @@ impl Robot {
         }
         let weight = |k: usize| 1.0 / if k % nv < dofs { 3.0 } else { (nv - dofs) as f64 };
         let weights = (0..2 * nv).map(weight).collect();
-        Self { around: Around { system: system.clone(), form: form.into(), normalizer: normalizer.clone() }, units, weights }
+        Self {
+            around: Around { system: system.clone(), form: form.into(), normalizer: normalizer.clone() },
+            units,
+            weights,
+        }
     }
 
     fn norm(&self, gradient: &[f64]) -> f64 {
@@ -76,7 +80,10 @@ impl Body for Robot {
     type Memory = Scratch;
 
     fn memory(&self) -> Scratch {
-        Scratch { features: Features::new(&self.around.system, self.around.form), data: Data::new(&self.around.system.robot) }
+        Scratch {
+            features: Features::new(&self.around.system, self.around.form),
+            data: Data::new(&self.around.system.robot),
+        }
     }
 
     fn tokens(&self) -> usize {
@@ -89,7 +96,13 @@ impl Body for Robot {
         motions.state(place.motion, place.frame).to_vec()
     }
 
-    fn look(&self, state: &Vec<f64>, (motions, place): (&Motions, &Place<()>), memory: &mut Scratch, tokens: &mut Vec<f32>) -> Looked {
+    fn look(
+        &self,
+        state: &Vec<f64>,
+        (motions, place): (&Motions, &Place<()>),
+        memory: &mut Scratch,
+        tokens: &mut Vec<f32>,
+    ) -> Looked {
         let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
         if !self.around.system.robot.contact_points.is_empty() {
             contacts(&self.around.system, scene, state, &mut memory.data, &mut events);
@@ -127,7 +140,13 @@ impl Body for Robot {
         own.iter_mut().zip(upstream).for_each(|(x, y)| *x += share * y);
     }
 
-    fn advance_back(&self, before: &Vec<f64>, outputs: &[f32], upstream: &Vec<f64>, gradient: &mut Vec<f64>) -> Vec<f32> {
+    fn advance_back(
+        &self,
+        before: &Vec<f64>,
+        outputs: &[f32],
+        upstream: &Vec<f64>,
+        gradient: &mut Vec<f64>,
+    ) -> Vec<f32> {
         self.around.outputs_back(before, outputs, upstream, gradient)
     }
 
@@ -151,7 +170,8 @@ impl Body for Robot {
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
         let rows = validation_rows(motions.len() * motions.frames, frames);
         let one = |(scratch, memory): &mut (Scratch, Memory), row: &u64| {
-            let place = Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
+            let place =
+                Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
             let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
             let events = self.look(&before, (motions, &place), scratch, &mut tokens);
             let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();

@@ -83,7 +83,12 @@ impl Row {
 ///
 /// # Errors
 /// If the truth cannot step.
-pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol: PassiveConfig) -> Result<Option<Verdict>> {
+pub fn verdict(
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    model: &Model,
+    protocol: PassiveConfig,
+) -> Result<Option<Verdict>> {
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);
     }
@@ -93,14 +98,16 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
     let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
-    let bar = bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
+    let bar =
+        bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
     let found = on_one_core(|| {
         let mut recorder = Recorder::new(truth.solver(system));
         passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
         let row = |of: &str, solver: Box<dyn Solver>| -> Result<Row> {
             bar.add(1);
-            let compare =
-                |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(&recorder.frames), solver, protocol, &mut |_| ());
+            let compare = |solver: &mut dyn Solver| {
+                passive(system, scene, &mut Replay::new(&recorder.frames), solver, protocol, &mut |_| ())
+            };
             let (report, microseconds) = timed(solver, protocol.starts * protocol.steps, compare)?;
             Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
         };
@@ -120,14 +127,29 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         if truth == Truth::Rapier {
             for share in [2, 4, 1] {
                 let spec = SolverSpec::rapier(RapierSpec::default().steps / share);
-                beside.push(row(&format!("{spec}{}", if share == 1 { " (the truth)" } else { "" }), spec.solver(system, 1)?)?);
+                beside.push(row(
+                    &format!("{spec}{}", if share == 1 { " (the truth)" } else { "" }),
+                    spec.solver(system, 1)?,
+                )?);
             }
             let shaken = Shaken::new(truth.solver(system), SHAKE, protocol.seed);
             beside.push(row(&format!("the truth, shaken by {SHAKE:.0e}"), Box::new(shaken))?);
         }
         let (robot, quantities) = (system.name.clone(), summary_names(system));
         let (scene, truth) = (scene.name.clone(), truth.name());
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
+        Ok::<_, Error>(Verdict {
+            robot,
+            scene,
+            truth,
+            protocol,
+            quantities,
+            model: own,
+            base,
+            hold,
+            linear,
+            articulated,
+            beside,
+        })
     })?;
     bar.finish();
     Ok(Some(found))
@@ -182,7 +204,10 @@ impl Verdict {
         for row in [&self.base, &self.linear] {
             for (quantity, times) in self.quantities.iter().zip(self.times(row)) {
                 if times.is_nan() || times < WORTH {
-                    return Some(format!("{} errs {times:.2} times as much as the model in {quantity}: {WORTH} are needed", row.of));
+                    return Some(format!(
+                        "{} errs {times:.2} times as much as the model in {quantity}: {WORTH} are needed",
+                        row.of
+                    ));
                 }
             }
         }

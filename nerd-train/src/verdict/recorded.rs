@@ -44,7 +44,8 @@ pub fn recorded(
     let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);
     let of = |pieces: &Pieces, of: &str, solver: Box<dyn Solver>| -> Result<Row> {
         bar.add(1);
-        let (report, microseconds) = timed(solver, pieces.count() * pieces.torques.len(), |solver| pieces.compare(solver))?;
+        let (report, microseconds) =
+            timed(solver, pieces.count() * pieces.torques.len(), |solver| pieces.compare(solver))?;
         Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
     };
     let row = |name: &str, solver: Box<dyn Solver>| of(pieces, name, solver);
@@ -64,11 +65,28 @@ pub fn recorded(
             let report = pieces.seen(0).compare(&mut Replay::new(&states))?;
             Ok::<_, Error>(Row { of, errors: summary(system, &report.error), microseconds, diverged: report.diverged })
         });
-        let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
+        let protocol = PassiveConfig {
+            starts: pieces.count(),
+            steps: pieces.frames(),
+            seed: 0,
+            action: Action::Recorded(pieces.before),
+        };
         let (robot, scene, truth) = (system.name.clone(), pieces.scenes[0].name.clone(), measured.truth.clone());
         let quantities = summary_names(system);
         let beside = Vec::from_iter(beside.transpose()?);
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
+        Ok::<_, Error>(Verdict {
+            robot,
+            scene,
+            truth,
+            protocol,
+            quantities,
+            model: own,
+            base,
+            hold,
+            linear,
+            articulated,
+            beside,
+        })
     })?;
     bar.finish();
     Ok(Some(found))
@@ -79,7 +97,10 @@ pub fn recorded(
 fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
     let mut states = pieces.states[pieces.before..].to_vec();
-    states.iter_mut().flat_map(|frame| frame.chunks_exact_mut(d)).for_each(|state| subject.shift(&mut state[..nq], 1.0));
+    states
+        .iter_mut()
+        .flat_map(|frame| frame.chunks_exact_mut(d))
+        .for_each(|state| subject.shift(&mut state[..nq], 1.0));
     let late = |frame: usize| subject.late(&[0, 1, 2].map(|back| &pieces.torques[frame.saturating_sub(back)][..]));
     let torques = (pieces.before..pieces.torques.len()).map(late).collect();
     Pieces {

@@ -28,31 +28,54 @@ impl Verdict {
         let own = digits(model.microseconds);
         let advice = match self.equal() {
             Some(row) if row.microseconds <= model.microseconds => {
-                format!("use the solver: {} errs no more and takes {} us where the model takes {own}", row.of, digits(row.microseconds))
+                format!(
+                    "use the solver: {} errs no more and takes {} us where the model takes {own}",
+                    row.of,
+                    digits(row.microseconds)
+                )
             }
             _ if model.diverged > 0 => format!("use the solver: {} rollouts of the model diverged", model.diverged),
-            _ if [Some(base), hold.as_ref(), Some(linear)].into_iter().flatten().any(|row| row.mean() <= model.mean()) => {
+            _ if [Some(base), hold.as_ref(), Some(linear)]
+                .into_iter()
+                .flatten()
+                .any(|row| row.mean() <= model.mean()) =>
+            {
                 "use the solver: what has learned nothing, or a linear map, errs no more than the network".into()
             }
             _ if self.shortfall().is_some() => "use the solver: the network adds too little".into(),
             Some(row) => {
-                format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
+                format!(
+                    "use the network: {} errs no more but takes {} us where the model takes {own}",
+                    row.of,
+                    digits(row.microseconds)
+                )
             }
             None if self.recorded() && self.articulated.iter().any(|row| row.of.ends_with("calibrated")) => {
                 format!("use the network: it takes {own} us and errs less than a calibrated solver")
             }
             None if self.recorded() => {
-                format!("the network takes {own} us and errs less than a solver as described; `evaluate --data` asks a calibrated one, too")
+                format!(
+                    "the network takes {own} us and errs less than a solver as described; `evaluate --data` asks a calibrated one, too"
+                )
             }
-            None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
+            None => {
+                format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little")
+            }
         };
         let beside = beside.first().map_or_else(String::new, |row| format!("; {} {}", row.of, self.span(row)));
-        format!("{advice}; {} errs {} times as much, a {} {}{beside}", base.of, self.span(base), linear.of, self.span(linear))
+        format!(
+            "{advice}; {} errs {} times as much, a {} {}{beside}",
+            base.of,
+            self.span(base),
+            linear.of,
+            self.span(linear)
+        )
     }
 
     /// The verdict in a table cell.
     pub fn worth(&self) -> String {
-        let equal = self.equal().map_or_else(String::new, |row| format!("{} {} us, ", row.of, digits(row.microseconds)));
+        let equal =
+            self.equal().map_or_else(String::new, |row| format!("{} {} us, ", row.of, digits(row.microseconds)));
         let (own, base, linear) = (digits(self.model.microseconds), self.span(&self.base), self.span(&self.linear));
         format!("{equal}model {own} us; base alone x {base}, linear map x {linear}")
     }

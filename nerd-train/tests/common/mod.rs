@@ -50,13 +50,15 @@ pub const NETWORK: TransformerConfig = TransformerConfig {
 };
 
 /// 24 windows an update, clip 1, moving average 0.99.
-pub const LEARNER: LearnerConfig = LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, huber: None, optimizer: Optimizer::Adam };
+pub const LEARNER: LearnerConfig =
+    LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, huber: None, optimizer: Optimizer::Adam };
 
 /// 30 trajectories of 12 frames: `y0 = x0 - x1 / 2`, `y1 = x2`.
 pub fn windows(phase: f32) -> Arc<Windows> {
     let (trajectories, frames) = (30, 12);
-    let x: Vec<f32> =
-        (0..trajectories * frames * 3).map(|i| (i as f32 * 1.618 + phase + (i as f32 * 0.31).sin() * 3.0).sin() * 1.4).collect();
+    let x: Vec<f32> = (0..trajectories * frames * 3)
+        .map(|i| (i as f32 * 1.618 + phase + (i as f32 * 0.31).sin() * 3.0).sin() * 1.4)
+        .collect();
     let y = x.chunks(3).flat_map(|x| [x[0] - 0.5 * x[1], x[2]]).collect();
     Arc::new(Windows { inputs: 3, outputs: 2, frames, history: 4, x, y })
 }
@@ -73,12 +75,20 @@ pub fn fresh() -> LearnerState {
 /// A small untrained model with random weights and small outputs, so that its base dominates the motion.
 pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
-    let network =
-        TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 24) };
+    let network = TransformerConfig {
+        embedding: 24,
+        layers: 2,
+        heads: 4,
+        block: 16,
+        positions,
+        ..TransformerConfig::paper(inputs, outputs, 24)
+    };
     let (mut nothing, state) = (vec![0.0f32; outputs], system.default_state());
     Features::new(system, base).target(&state, &state, &mut nothing);
     let moments = |mean: Vec<f64>, variance: f64| Moments { variance: vec![variance; mean.len()], mean, epsilon: 1e-5 };
-    let normalizer =
-        Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };
+    let normalizer = Normalizer {
+        inputs: moments(vec![0.0; inputs], 4.0),
+        outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4),
+    };
     unlearned(system, base, network, normalizer)
 }

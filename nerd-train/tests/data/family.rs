@@ -9,7 +9,8 @@ use crate::*;
 #[test]
 fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     let system = System::named("pendulum-family").expect("built in");
-    let config = GenerateConfig { transitions: 24 * 30, frames: 30, resets: 1.0, hold: 8, seed: 5, ..Default::default() };
+    let config =
+        GenerateConfig { transitions: 24 * 30, frames: 30, resets: 1.0, hold: 8, seed: 5, ..Default::default() };
     let pieces = Pieces::drawn(&system, Truth::Articulated, &config, 10).expect("recorded");
     assert_eq!((pieces.count(), pieces.frames(), pieces.systems.len()), (24, 20, 24));
     let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
@@ -56,7 +57,10 @@ fn sensors_with_noise_show_what_nobody_is_judged_by() {
     };
     assert!((0..10).all(|frame| apart(frame) > 0.004) && (10..=30).all(|frame| apart(frame) == 0.0));
     let [seen, real] = [&recording, &clean].map(|r| tokens(&system, r, 1, Base::Trapezoid));
-    assert!(seen.y == real.y && seen.x.chunks(seen.inputs).zip(real.x.chunks(seen.inputs)).all(|(a, b)| a[..d] != b[..d]));
-    let exact = pieces.compare(&mut Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)))).expect("compared");
+    assert!(
+        seen.y == real.y && seen.x.chunks(seen.inputs).zip(real.x.chunks(seen.inputs)).all(|(a, b)| a[..d] != b[..d])
+    );
+    let exact =
+        pieces.compare(&mut Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)))).expect("compared");
     assert!(mean(&exact.error) < 1e-9, "{:?}", exact.error);
 }

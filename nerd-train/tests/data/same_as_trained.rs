@@ -72,7 +72,8 @@ fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) 
             shown => shown[(t * FRAMES + frame) * d..][..d].to_vec(),
         };
         let before: Vec<f64> = (0..n).flat_map(shown).collect();
-        let torques: Vec<f64> = (0..n).flat_map(|t| recording.torques[(t * FRAMES + frame) * joints..][..joints].to_vec()).collect();
+        let torques: Vec<f64> =
+            (0..n).flat_map(|t| recording.torques[(t * FRAMES + frame) * joints..][..joints].to_vec()).collect();
         batch.states.copy_from_slice(&before);
         solver.step(&mut batch, &torques).expect("finite");
         for env in 0..n {
@@ -92,15 +93,22 @@ fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) 
 #[test]
 fn a_rollout_predicts_what_the_training_pass_predicts() {
     for positions in [Positions::Table, Positions::Rotary] {
-        for (robot, scene, base) in [("cartpole", "free", Base::State), ("cube", "ground", Base::State), ("ant", "ground", Base::Trapezoid)]
+        for (robot, scene, base) in
+            [("cartpole", "free", Base::State), ("cube", "ground", Base::State), ("ant", "ground", Base::Trapezoid)]
         {
             let worst = apart(robot, scene, base, positions);
-            assert!(worst < 5e-4, "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
+            assert!(
+                worst < 5e-4,
+                "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass"
+            );
         }
         // Robots of a family, with the model conditioned on the drawn parameters, and without.
         for told in [true, false] {
             let worst = apart("pendulum-family", "free", Form { told, ..Base::Trapezoid.into() }, positions);
-            assert!(worst < 5e-4, "a family, told {told}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
+            assert!(
+                worst < 5e-4,
+                "a family, told {told}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass"
+            );
         }
     }
 }
@@ -110,7 +118,8 @@ fn a_rollout_predicts_what_the_training_pass_predicts() {
 fn tokens_end_with_what_was_drawn() {
     let system = System::named("pendulum-family").expect("built in");
     let (recording, told) = (recorded(&system), Told::new(&system));
-    let [plain, all] = [false, true].map(|told| tokens(&system, &recording, 1, Form { told, view: View::Moving, ..Form::default() }));
+    let [plain, all] =
+        [false, true].map(|told| tokens(&system, &recording, 1, Form { told, view: View::Moving, ..Form::default() }));
     assert_eq!(all.inputs, plain.inputs + told.count());
     let drawn = recording.drawn.chunks_exact(recording.drawn.len() / recording.trajectories);
     for (row, (long, short)) in all.x.chunks_exact(all.inputs).zip(plain.x.chunks_exact(plain.inputs)).enumerate() {

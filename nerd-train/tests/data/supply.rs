@@ -9,7 +9,12 @@ const SHARD: usize = 4;
 const SLOTS: usize = 3;
 
 fn data(shards: usize) -> GenerateConfig {
-    GenerateConfig { transitions: shards * SHARD * FRAMES, frames: FRAMES, shard_trajectories: SHARD, ..Default::default() }
+    GenerateConfig {
+        transitions: shards * SHARD * FRAMES,
+        frames: FRAMES,
+        shard_trajectories: SHARD,
+        ..Default::default()
+    }
 }
 
 fn solver() -> Box<dyn Solver> {
@@ -23,7 +28,15 @@ fn recorded(system: &Arc<System>, shards: usize) -> Windows {
 
 /// Ten shards over a run of 100 updates, from `step` on.
 fn config(data: GenerateConfig, normalizer: &Normalizer, step: u64) -> SupplyConfig {
-    SupplyConfig { data, shards: 10, updates: 100, step, history: 2, form: Form::default(), normalizer: normalizer.clone() }
+    SupplyConfig {
+        data,
+        shards: 10,
+        updates: 100,
+        step,
+        history: 2,
+        form: Form::default(),
+        normalizer: normalizer.clone(),
+    }
 }
 
 fn supply(system: &Arc<System>, normalizer: &Normalizer, step: u64) -> Supply {
@@ -44,7 +57,10 @@ fn takes_the_places_of_the_oldest() {
     for step in 0..=100 {
         while let Some(shard) = supply.take(step) {
             let (place, shard) = shard.unwrap();
-            assert!(shard.x == all.x[(SLOTS + taken) * width..][..width], "shard {taken} is not what follows the start");
+            assert!(
+                shard.x == all.x[(SLOTS + taken) * width..][..width],
+                "shard {taken} is not what follows the start"
+            );
             windows.replace(place, &shard).unwrap();
             taken += 1;
         }

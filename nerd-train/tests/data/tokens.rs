@@ -41,7 +41,9 @@ fn a_robot_100_km_away_is_seen_as_the_one_at_the_origin() {
             let (a, b) = (tokens(&system, &here, 1, form), tokens(&system, &there, 1, form));
             // f64 rounds 1e5 m to 1.5e-11 m, and likewise the part 1e5 w of v. Both are below the rounding of the
             // tokens.
-            let gap = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max);
+            let gap = |a: &[f32], b: &[f32]| {
+                a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max)
+            };
             let (x, y) = (gap(&a.x, &b.x), gap(&a.y, &b.y));
             assert!(x < 1e-6 && y < 1e-6, "{robot}, {form:?}: tokens {x:.1e}, targets {y:.1e} apart");
         }
@@ -51,18 +53,25 @@ fn a_robot_100_km_away_is_seen_as_the_one_at_the_origin() {
 #[test]
 fn data_of_another_system_are_refused_with_both_named() {
     let folder = tempfile::tempdir().unwrap();
-    let (urdf, toml) = (include_str!("../../../nerd-sim/assets/cartpole.urdf"), include_str!("../../../nerd-sim/assets/cartpole.toml"));
+    let (urdf, toml) = (
+        include_str!("../../../nerd-sim/assets/cartpole.urdf"),
+        include_str!("../../../nerd-sim/assets/cartpole.toml"),
+    );
     let of = |toml: &str| Arc::new(System::from_text("cartpole", urdf, Some(toml)).unwrap());
     let system = of(toml);
     let config = GenerateConfig { transitions: 60, frames: 10, shard_trajectories: 4, ..Default::default() };
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     generate(&system, &mut truth, "paper", &config, folder.path(), &mut |_, _| ()).unwrap();
-    let refused =
-        |system: &Arc<System>, truth: &str| read(system, truth, folder.path(), 1, Form::default()).map(|_| ()).unwrap_err().to_string();
+    let refused = |system: &Arc<System>, truth: &str| {
+        read(system, truth, folder.path(), 1, Form::default()).map(|_| ()).unwrap_err().to_string()
+    };
     assert!(read(&system, "paper", folder.path(), 1, Form::default()).is_ok());
     let lighter = of(&toml.replacen("armature = 0.01", "armature = 0.02", 1));
     let error = refused(&lighter, "paper");
-    assert!(error.contains(&system.robot_sha256()) && error.contains(&lighter.robot_sha256()) && error.contains("masses"), "{error}");
+    assert!(
+        error.contains(&system.robot_sha256()) && error.contains(&lighter.robot_sha256()) && error.contains("masses"),
+        "{error}"
+    );
     let error = refused(&of(&toml.replacen("torque = 1500.0", "torque = 1.0", 1)), "paper");
     assert!(error.contains(&system.sha256()) && error.contains("driven"), "{error}");
     assert!(refused(&system, "rapier").contains("`paper`, not `rapier`"));

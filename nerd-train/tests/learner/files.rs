@@ -39,7 +39,8 @@ fn schedule_values() {
 #[test]
 fn settings_out_of_their_ranges_are_refused_by_name() {
     let trainer = crate::resume::CONFIG;
-    let schedule = |start: f64, end: f64| TrainerConfig { schedule: Schedule { start, end, ..trainer.schedule }, ..trainer };
+    let schedule =
+        |start: f64, end: f64| TrainerConfig { schedule: Schedule { start, end, ..trainer.schedule }, ..trainer };
     [trainer.check(), schedule(1e-3, 0.0).check(), LEARNER.check()].into_iter().for_each(|usual| usual.expect("usual"));
     for (refused, words) in [
         (TrainerConfig { updates: 0, ..trainer }.check(), "updates is 0"),

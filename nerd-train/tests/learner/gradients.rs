@@ -27,11 +27,17 @@ fn gradient_is_burns_for_every_shape_and_loss() {
         for huber in [None, Some(0.1)] {
             let (state, windows) = case(network);
             let config = LearnerConfig { huber, ..LEARNER };
-            let mut cpu = CpuLearner::new(config, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
+            let mut cpu =
+                CpuLearner::new(config, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");
             let device = nerd_model::BurnDevice::flex();
             let mut burn = BurnLearner::new(config, state, [windows.clone(), windows], &device).expect("windows fit");
             let (expected, found) = (burn.gradient(&rows).expect("finite"), cpu.gradient(&rows).expect("finite"));
-            assert!((found.0 / expected.0 - 1.0).abs() < 1e-5, "{network:?}: loss {} for burn's {}", found.0, expected.0);
+            assert!(
+                (found.0 / expected.0 - 1.0).abs() < 1e-5,
+                "{network:?}: loss {} for burn's {}",
+                found.0,
+                expected.0
+            );
             let mut first = 0;
             for tensor in network.tensors() {
                 let range = first..first + tensor.len();
@@ -39,7 +45,11 @@ fn gradient_is_burns_for_every_shape_and_loss() {
                 let (a, b) = (&found.1[range.clone()], &expected.1[range]);
                 let largest = b.iter().fold(1e-3f32, |m, x| m.max(x.abs()));
                 let off = a.iter().zip(b).fold(0.0f32, |m, (a, b)| m.max((a - b).abs())) / largest;
-                assert!(off < 3e-5, "{network:?}, huber {huber:?}, {}: off by {off:.1e} of the largest entry {largest:.1e}", tensor.name);
+                assert!(
+                    off < 3e-5,
+                    "{network:?}, huber {huber:?}, {}: off by {off:.1e} of the largest entry {largest:.1e}",
+                    tensor.name
+                );
             }
             let (a, b) = (cpu.validate(20).expect("finite"), burn.validate(20).expect("finite"));
             assert!((a / b - 1.0).abs() < 1e-5, "{network:?}: validation loss {a} for burn's {b}");
@@ -55,7 +65,11 @@ fn an_update_leaves_nothing_to_the_next() {
     let used = fresh();
     for rows in [(0..60).collect::<Vec<u64>>(), vec![5], (3..40).collect()] {
         let found = used.gradient(&rows).expect("finite");
-        assert!(found == fresh().gradient(&rows).expect("finite"), "{} windows: not what a new learner finds", rows.len());
+        assert!(
+            found == fresh().gradient(&rows).expect("finite"),
+            "{} windows: not what a new learner finds",
+            rows.len()
+        );
     }
 }
 
@@ -65,9 +79,15 @@ fn a_validation_looks_at_the_same_windows_on_every_engine() {
     for (windows, wanted) in [(270, 20), (270, 199), (270, 270), (270, 10_000), (3, 2), (1, 0)] {
         let rows = validation_rows(windows, wanted);
         assert_eq!(rows.len(), wanted.clamp(1, windows), "{wanted} of {windows}");
-        assert!(rows.is_sorted_by(|a, b| a < b) && rows.iter().all(|row| *row < windows as u64), "{wanted} of {windows}: {rows:?}");
+        assert!(
+            rows.is_sorted_by(|a, b| a < b) && rows.iter().all(|row| *row < windows as u64),
+            "{wanted} of {windows}: {rows:?}"
+        );
         let left = windows as u64 - rows.last().expect("one at least");
-        assert!(left <= windows.div_ceil(rows.len()) as u64, "{wanted} of {windows}: the last {left} are never looked at");
+        assert!(
+            left <= windows.div_ceil(rows.len()) as u64,
+            "{wanted} of {windows}: the last {left} are never looked at"
+        );
     }
     let (state, windows) = case(NETWORK);
     let mut cpu = CpuLearner::new(LEARNER, state.clone(), [windows.clone(), windows.clone()]).expect("windows fit");

@@ -57,7 +57,8 @@ fn stopped_at_every_update_and_continued() {
     assert!(state == end, "the states differ");
     assert_eq!(record(parts.path()), record(whole.path()));
     assert_eq!(record(whole.path()).len(), 30 + 5);
-    let best = |folder: &Path| Weights::from_bytes(NETWORK, &std::fs::read(folder.join("best.safetensors")).unwrap()).unwrap();
+    let best =
+        |folder: &Path| Weights::from_bytes(NETWORK, &std::fs::read(folder.join("best.safetensors")).unwrap()).unwrap();
     assert!(best(parts.path()) == best(whole.path()), "the best weights differ");
 }
 
@@ -75,7 +76,10 @@ fn the_hooks_value_chooses_the_best_weights() {
     let outcome = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap();
     assert_eq!(outcome.best, Some((12, 0.0)));
     let bytes = std::fs::read(folder.path().join("best.safetensors")).unwrap();
-    assert!(Some(Weights::from_bytes(NETWORK, &bytes).unwrap().flat) == at_twelve, "other weights than those of step 12");
+    assert!(
+        Some(Weights::from_bytes(NETWORK, &bytes).unwrap().flat) == at_twelve,
+        "other weights than those of step 12"
+    );
 }
 
 #[test]
@@ -84,7 +88,9 @@ fn killed_between_checkpoints() {
     let (_, end) = train(whole.path(), fresh(), None);
     // The hook fails at step 18: the last checkpoint is of step 14, the record goes on to 18.
     let trainer = Trainer::new(CONFIG, LEARNER.batch, killed.path(), "{\"name\":\"test\"}");
-    let mut hook = |_: &mut dyn Learner, step: u64| if step == 18 { Err(Error::Refused("power cut at 18".into())) } else { Ok(None) };
+    let mut hook = |_: &mut dyn Learner, step: u64| {
+        if step == 18 { Err(Error::Refused("power cut at 18".into())) } else { Ok(None) }
+    };
     let error = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap_err();
     assert!(error.to_string().contains("power cut at 18"), "{error}");
     let state = load(killed.path());

@@ -24,10 +24,13 @@ fn gradient_does_not_depend_on_threads_and_hardly_on_shards() {
 
 #[test]
 fn a_linear_map_is_learnt() {
-    for (network, optimizer) in networks().into_iter().flat_map(|network| [(network, Optimizer::Adam), (network, Optimizer::Muon)]) {
+    for (network, optimizer) in
+        networks().into_iter().flat_map(|network| [(network, Optimizer::Adam), (network, Optimizer::Muon)])
+    {
         let config = LearnerConfig { optimizer, ..LEARNER };
         let mut learner =
-            CpuLearner::new(config, LearnerState::new(Weights::init(network, 3)), [windows(0.0), windows(0.5)]).expect("windows fit");
+            CpuLearner::new(config, LearnerState::new(Weights::init(network, 3)), [windows(0.0), windows(0.5)])
+                .expect("windows fit");
         let before = learner.validate(1000).unwrap();
         (0..600).for_each(|_| learner.update(3e-3).expect("finite"));
         let (after, progress) = (learner.validate(1000).unwrap(), learner.progress().unwrap());
@@ -43,7 +46,10 @@ fn windows_that_do_not_fit_are_refused() {
     let wide = Arc::new(Windows { history: 5, ..(*windows(0.0)).clone() });
     let made = |config, state, train| CpuLearner::new(config, state, [train, windows(0.5)]).err();
     assert!(matches!(made(LEARNER, fresh(), wide), Some(LearnError::Mismatch(m)) if m.contains("(3, 2, 5)")));
-    assert!(matches!(made(LearnerConfig { batch: 0, ..LEARNER }, fresh(), windows(0.0)), Some(LearnError::Mismatch(_))));
+    assert!(matches!(
+        made(LearnerConfig { batch: 0, ..LEARNER }, fresh(), windows(0.0)),
+        Some(LearnError::Mismatch(_))
+    ));
     assert!(made(LEARNER, LearnerState { m: vec![0.0; 3], ..fresh() }, windows(0.0)).is_some());
 }
 
@@ -65,7 +71,8 @@ fn the_first_update_is_adams() {
 /// `U diag(s) V^T` becomes `U diag(about 1) V^T`, for any singular values s.
 #[test]
 fn orthogonalisation_keeps_the_directions_and_levels_the_strengths() {
-    let wave = |rows, columns, k: f32| DMatrix::from_fn(rows, columns, |r, c| (k * (r * columns + c) as f32 + 0.3).sin());
+    let wave =
+        |rows, columns, k: f32| DMatrix::from_fn(rows, columns, |r, c| (k * (r * columns + c) as f32 + 0.3).sin());
     let (u, v) = (wave(16, 16, 1.7).qr().q(), wave(64, 16, 2.3).qr().q());
     let strengths = DMatrix::from_fn(16, 16, |r, c| if r == c { 10f32.powf(-(r as f32) / 8.0) } else { 0.0 });
     let levelled = u.transpose() * orthogonal(&u * strengths * v.transpose()) * v;
@@ -85,7 +92,11 @@ fn every_weight_belongs_to_one_of_the_two_optimisers() {
         let matrices = hidden(&network).concat();
         matrices.iter().for_each(|h| (0..h.rows).for_each(|r| (0..h.columns).for_each(|c| owners[h.at(r, c)] += 1)));
         others(&network).into_iter().flatten().for_each(|i| owners[i] += 1);
-        assert_eq!(owners.iter().position(|&n| n != 1), None, "{of:?}: a weight that not exactly one optimiser updates");
+        assert_eq!(
+            owners.iter().position(|&n| n != 1),
+            None,
+            "{of:?}: a weight that not exactly one optimiser updates"
+        );
         assert!(matrices.iter().all(|h| h.rows <= h.columns), "{of:?}: a matrix seen with more rows than columns");
         // A layer has query, key, value, projection and two MLP matrices, or in a residual network gate, value and
         // output.
@@ -103,7 +114,8 @@ fn updates_have_the_size_that_one_learning_rate_serves() {
     optimiser::step(optimiser::BETA, &mut after, &gradient, optimiser::norm(&gradient), 1e-2, &config);
     let moved = |i: usize| f64::from(after.weights.flat[i] - before.weights.flat[i]);
     for h in hidden(&NETWORK).concat() {
-        let squares: f64 = (0..h.rows).flat_map(|r| (0..h.columns).map(move |c| h.at(r, c))).map(|i| moved(i).powi(2)).sum();
+        let squares: f64 =
+            (0..h.rows).flat_map(|r| (0..h.columns).map(move |c| h.at(r, c))).map(|i| moved(i).powi(2)).sum();
         let rms = (squares / (h.rows * h.columns) as f64).sqrt();
         assert!((1.4e-3..2.4e-3).contains(&rms), "a hidden matrix moved by {rms:.2e}, expected about 2e-3");
     }

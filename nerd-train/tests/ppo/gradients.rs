@@ -12,7 +12,8 @@ use crate::differences::*;
 use crate::*;
 
 /// Tasks, with the policies that were trained in the truth.
-const TASKS: [&str; 6] = ["cartpole-swingup", "ant-run", "ant-spin-track", "anymal-forward", "franka-reach", "franka-reach-torque"];
+const TASKS: [&str; 6] =
+    ["cartpole-swingup", "ant-run", "ant-spin-track", "anymal-forward", "franka-reach", "franka-reach-torque"];
 /// Episodes played, and frames between states taken from them.
 const EPISODES: usize = 2;
 const EVERY: usize = 37;
@@ -117,7 +118,9 @@ fn gradients_of_rollouts_where_policies_go_are_those_of_central_differences() {
         let some = |n: usize, phase: f64| (0..n).map(|k| (1.7 * k as f64 + phase).sin()).collect::<Vec<f64>>();
         let (by_last, along, along_torques) = (some(rows, 0.3), some(rows, 0.7), some(ROLLOUT * joints, 1.1));
         let (mut found, mut left_out) = (Vec::new(), 0);
-        let begins = frames.iter().flat_map(|own| (0..own.len() - ROLLOUT).step_by(own.len() / 10).map(move |at| &own[at..at + ROLLOUT]));
+        let begins = frames
+            .iter()
+            .flat_map(|own| (0..own.len() - ROLLOUT).step_by(own.len() / 10).map(move |at| &own[at..at + ROLLOUT]));
         for frames in begins {
             // From a state of an episode, under the policy's torques. Where a foot begins to slip within reach of the
             // differences, from a state beside it.
@@ -131,7 +134,8 @@ fn gradients_of_rollouts_where_policies_go_are_those_of_central_differences() {
                 let roll = |solver: &mut Articulated, by: f64| {
                     let mut states = vec![displaced(&begun, by)];
                     for (k, (_, torques)) in frames.iter().enumerate() {
-                        let torques: Vec<f64> = torques.iter().zip(&along_torques[k * joints..]).map(|(t, a)| t + a * by).collect();
+                        let torques: Vec<f64> =
+                            torques.iter().zip(&along_torques[k * joints..]).map(|(t, a)| t + a * by).collect();
                         states.push(stepped(solver, &batch, &states[k], &torques));
                     }
                     states
@@ -146,7 +150,8 @@ fn gradients_of_rollouts_where_policies_go_are_those_of_central_differences() {
                 }
                 product += dot(&by_state, &along);
                 let last = &states[ROLLOUT];
-                let (expected, agrees) = smooth(|by| dot(&difference(robot, last, &roll(&mut solver, by)[ROLLOUT]), &by_last));
+                let (expected, agrees) =
+                    smooth(|by| dot(&difference(robot, last, &roll(&mut solver, by)[ROLLOUT]), &by_last));
                 (agrees < ROLLED).then(|| apart(&[product], &[expected]))
             });
             match tried {

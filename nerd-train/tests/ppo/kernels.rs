@@ -12,7 +12,8 @@ const SEEN: usize = 5;
 const PADDED: usize = 8;
 const A: usize = 3;
 const HORIZON: usize = 6;
-/// Discount and lambda (the constant of GAE), the step with an action, its noise stream, and the number of partial sums.
+/// Discount and lambda (the constant of GAE), the step with an action, its noise stream, and the number of partial
+/// sums.
 const LAW: (f64, f64) = (0.97, 0.95);
 const STEP: usize = 4;
 const NOISE: (u64, u64) = (0x1234_5678_9abc_def0, (1 << 40) + 7);
@@ -60,7 +61,8 @@ struct Rolled {
 
 fn rolled() -> Rolled {
     let mut rng = stream(2, 0);
-    let mut draw = |n: usize, by: f64| -> Vec<f64> { (0..n).map(|k| 0.5 * k as f64 % 3.0 + by * normal(&mut rng)).collect() };
+    let mut draw =
+        |n: usize, by: f64| -> Vec<f64> { (0..n).map(|k| 0.5 * k as f64 % 3.0 + by * normal(&mut rng)).collect() };
     let mut policy = crate::policy(SEEN, 1, A, &[8], Activation::Elu);
     let inner = policy.flat.len() - A;
     policy.flat[inner..].copy_from_slice(&[0.2, -0.4, 0.1]);
@@ -71,7 +73,11 @@ fn rolled() -> Rolled {
     engine.begin(&policy).expect("the CPU");
     for t in 0..HORIZON {
         engine
-            .act(&draw(N * SEEN, 4.0), StreamKey { seed: NOISE.0, number: NOISE.1 - STEP as u64 + t as u64 }, &mut actions)
+            .act(
+                &draw(N * SEEN, 4.0),
+                StreamKey { seed: NOISE.0, number: NOISE.1 - STEP as u64 + t as u64 },
+                &mut actions,
+            )
             .expect("the CPU");
         if t == STEP {
             kept.clone_from(&actions);
@@ -106,7 +112,13 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 #[test]
 fn kernels_answer_and_judge_as_the_cpu_does() {
     let Some(compiler) = cpp::Compiler::find() else { return };
-    let text = [NAMES, RANDOM, include_str!("../../src/ppo/cuda/acting.cu"), include_str!("../../src/ppo/cuda/shac/kernels.cu")].concat();
+    let text = [
+        NAMES,
+        RANDOM,
+        include_str!("../../src/ppo/cuda/acting.cu"),
+        include_str!("../../src/ppo/cuda/shac/kernels.cu"),
+    ]
+    .concat();
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);
     let returns: Vec<f64> = r.advantages.iter().zip(&r.values).map(|(a, v)| a + v).collect();
@@ -124,16 +136,19 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     let rows = said.mean.chunks(A).zip(&said.value).flat_map(|(mean, value)| mean.iter().chain([value]));
 
     let key = [stream(NOISE.0, NOISE.1).get_seed().to_vec(), NOISE.1.to_le_bytes().to_vec()].concat();
-    let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut].map(|x| cpp::bytes(x, f64::to_le_bytes));
+    let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut]
+        .map(|x| cpp::bytes(x, f64::to_le_bytes));
     let said = cpp::bytes(&rows.copied().collect::<Vec<f32>>(), f32::to_le_bytes);
-    let given = [vec![key], numbers.into(), vec![said, cpp::bytes(policy.spread(), f32::to_le_bytes), ends.clone()]].concat();
+    let given =
+        [vec![key], numbers.into(), vec![said, cpp::bytes(policy.spread(), f32::to_le_bytes), ends.clone()]].concat();
     let singles = [steps * PADDED, N * A, N * A, N * A, N, N * A, steps, steps, steps].map(|n| vec![0; 4 * n]);
     let wide = [N, 2 * steps, PARTS * SEEN, SEEN, SEEN, steps, N].map(|n| vec![0; 8 * n]);
     // Memory that is not written is not zero.
     let rest = [3 * N, steps, N, 3 * N * (A + 1), N * A].map(|n| vec![0x40; 4 * n]);
     let all = cpp::bytes(&[&values[..], &cut].concat(), f64::to_le_bytes);
     let buffers = [given, singles.into(), wide.into(), rest.into(), vec![all]].concat();
-    let sizes = format!("const int N = {N}, SEEN = {SEEN}, A = {A}, HORIZON = {HORIZON}, PARTS = {PARTS}, PADDED = {PADDED};");
+    let sizes =
+        format!("const int N = {N}, SEEN = {SEEN}, A = {A}, HORIZON = {HORIZON}, PARTS = {PARTS}, PADDED = {PADDED};");
     let found = compiler.launch(&text, &(sizes + LAUNCHES), &buffers);
     let double = |k: usize| cpp::doubles(&found[k]);
     let single = |k: usize| cpp::floats(&found[k]).into_iter().map(f64::from).collect::<Vec<f64>>();
@@ -157,7 +172,9 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     near("values", &double(20), &r.values[STEP * N..][..N], 1e-12);
     let both: Vec<f64> = r.advantages.iter().zip(&returns).flat_map(|(a, r)| [*a, *r]).collect();
     near("advantages and returns", &double(21), &both, 1e-12);
-    let of = |k: usize, about: f64, power: i32| average(&mut r.observations.iter().skip(k).step_by(SEEN).map(|x| (x - about).powi(power)));
+    let of = |k: usize, about: f64, power: i32| {
+        average(&mut r.observations.iter().skip(k).step_by(SEEN).map(|x| (x - about).powi(power)))
+    };
     let means: Vec<f64> = (0..SEEN).map(|k| of(k, 0.0, 1)).collect();
     near("means of columns", &double(23), &means, 1e-12);
     near("variances of columns", &double(24), &(0..SEEN).map(|k| of(k, means[k], 2)).collect::<Vec<_>>(), 1e-12);
@@ -223,7 +240,14 @@ fn learners_beside_the_library_are_shown_what_came_of_their_actions() {
     let (asked, ends) = ([0.5, -7.0, 1.5, -1.0, f32::NAN, 1.0f32], [0u8, 1, 2]);
     let [rows, cut] = [0.0, 100.0].map(|first| (0..6).map(|k| first + f64::from(k)).collect::<Vec<_>>());
     let numbers = |x: &[f64]| cpp::bytes(x, f64::to_le_bytes);
-    let given = [cpp::bytes(&asked, f32::to_le_bytes), vec![9; 24], vec![9; 12], numbers(&rows), numbers(&cut), numbers(&[1.5, 2.5, 3.5])];
+    let given = [
+        cpp::bytes(&asked, f32::to_le_bytes),
+        vec![9; 24],
+        vec![9; 12],
+        numbers(&rows),
+        numbers(&cut),
+        numbers(&[1.5, 2.5, 3.5]),
+    ];
     let found = [ends.to_vec(), vec![9; 24], vec![9; 24], vec![9; 12], vec![9; 3], vec![9; 3]];
     // More threads than there are numbers.
     let launches = "for (blockIdx.x = 0; blockIdx.x < 9; blockIdx.x++) {
@@ -232,9 +256,15 @@ fn learners_beside_the_library_are_shown_what_came_of_their_actions() {
     }";
     let found = compiler.launch(include_str!("../../src/ppo/cuda/episodes.cu"), launches, &[given, found].concat());
     let actions = cpp::floats(&found[1]);
-    assert!(actions[..4] == [0.5, -1.0, 1.0, -1.0] && actions[4].is_nan() && actions[5] == 1.0, "within their bounds: {actions:?}");
+    assert!(
+        actions[..4] == [0.5, -1.0, 1.0, -1.0] && actions[4].is_nan() && actions[5] == 1.0,
+        "within their bounds: {actions:?}"
+    );
     assert_eq!(found[2], [0; 12], "no time has run out");
     assert_eq!(cpp::floats(&found[7]), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "what is seen");
     assert_eq!(cpp::floats(&found[8]), [0.0, 1.0, 2.0, 3.0, 104.0, 105.0], "what was seen where time ran out");
-    assert_eq!((cpp::floats(&found[9]), &found[10][..], &found[11][..]), (vec![1.5, 2.5, 3.5], &[0, 1, 0][..], &[0, 0, 1][..]));
+    assert_eq!(
+        (cpp::floats(&found[9]), &found[10][..], &found[11][..]),
+        (vec![1.5, 2.5, 3.5], &[0, 1, 0][..], &[0, 0, 1][..])
+    );
 }

@@ -11,7 +11,8 @@ fn config(text: &str) -> PpoConfig {
 
 #[test]
 fn a_short_run_earns_more_and_comes_nearer() {
-    let mut trainer = Trainer::new(crate::episodes(TASK, 32, 0), config("environments = 32\nhorizon = 50\n"), 0).expect("a run");
+    let mut trainer =
+        Trainer::new(crate::episodes(TASK, 32, 0), config("environments = 32\nhorizon = 50\n"), 0).expect("a run");
     let mean = |policy: &Policy| {
         let games = play(policy, &mut crate::episodes(TASK, 16, 500), &mut |_| ()).expect("finite physics");
         let of = |f: fn(&Game) -> f64| games.iter().map(f).sum::<f64>() / games.len() as f64;
@@ -40,7 +41,8 @@ fn a_policy_is_trained_in_a_model_of_the_lead_and_judged_in_its_truth() {
     let arena = Arena::Solver(SolverSpec::neural(model(temporary.path())));
     let config = config("environments = 4\nhorizon = 100\niterations = 2\n");
     let run = |iterations: u64| {
-        let (task, config, out) = (TASK.into(), PpoConfig { iterations, ..config.clone() }, temporary.path().join("policy"));
+        let (task, config, out) =
+            (TASK.into(), PpoConfig { iterations, ..config.clone() }, temporary.path().join("policy"));
         PolicyRun { task, arena: arena.clone(), config, seed: 0, minutes: None, out }.train().expect("trains")
     };
     run(1);
@@ -52,6 +54,9 @@ fn a_policy_is_trained_in_a_model_of_the_lead_and_judged_in_its_truth() {
         let mut episodes = arena.episodes(TASK, 3, 500).expect("episodes");
         let games = play(&policy, &mut episodes, &mut |_| ()).expect("finite physics");
         println!("{}: {games:.2?}", arena.title().expect("a title"));
-        assert!(games.iter().all(|game| game.error.is_some_and(|error| error > 0.0) && game.length <= 100.0), "{games:?}");
+        assert!(
+            games.iter().all(|game| game.error.is_some_and(|error| error > 0.0) && game.length <= 100.0),
+            "{games:?}"
+        );
     }
 }

@@ -41,7 +41,15 @@ struct Point {
 
 impl Task for Point {
     fn about(&self) -> About {
-        About { name: "point", robot: "cartpole", scene: "free", observation: 1, action: 1, steps: self.length, frames: 1 }
+        About {
+            name: "point",
+            robot: "cartpole",
+            scene: "free",
+            observation: 1,
+            action: 1,
+            steps: self.length,
+            frames: 1,
+        }
     }
 
     fn plain(&self) -> Option<&dyn Plain> {
@@ -100,9 +108,10 @@ fn a_point_learns_to_go_home() {
 
 #[test]
 fn a_task_without_numbers_or_steps_is_refused_by_name() {
-    for (length, reward, expected) in
-        [(5, (|_| f64::NAN.into()) as for<'a> fn(Traced<'a>) -> Traced<'a>, "its `reward` gives NaN"), (0, |x| x, "steps is 0")]
-    {
+    for (length, reward, expected) in [
+        (5, (|_| f64::NAN.into()) as for<'a> fn(Traced<'a>) -> Traced<'a>, "its `reward` gives NaN"),
+        (0, |x| x, "steps is 0"),
+    ] {
         let said = points(2, length, [1.0, 1.0], reward).step(&[0.0; 2]).expect_err("refused").to_string();
         assert!(said.contains("task `point`") && said.contains(expected), "{said}");
     }
@@ -130,7 +139,10 @@ fn the_first_ratio_of_an_update_is_one() {
         };
         engine.roll(on).expect("steps");
         let before = policy.seen.clone();
-        let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
+        let updated = engine
+            .update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration })
+            .expect("learns")
+            .terms;
         assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
         assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");
         // The actor loss is minus the mean of the normalised advantages, which is 0, if every ratio is 1.
@@ -190,9 +202,10 @@ fn a_learned_solver_goes_on_too() {
     // A network of windows continues to the bit. A network with a cache of keys and values adds in the order of its
     // slots. The order depends on the last reset, so the states are equal to rounding, measured as 6e-6 rad/s.
     use nerd_model::{base::Base, neural::Neural, transformer::Positions};
-    for (name, base, positions, allowed) in
-        [("cartpole-swingup", Base::State, Positions::Table, 0.0), ("ant-run", Base::Trapezoid, Positions::Rotary, 1e-5)]
-    {
+    for (name, base, positions, allowed) in [
+        ("cartpole-swingup", Base::State, Positions::Table, 0.0),
+        ("ant-run", Base::Trapezoid, Positions::Rotary, 1e-5),
+    ] {
         let task = || named(name).expect("registered");
         let system = System::named(task().robot()).expect("built in");
         let begin = |remembered: bool| {
@@ -203,7 +216,8 @@ fn a_learned_solver_goes_on_too() {
             episodes.remember(if remembered { network.history * network.layers } else { 0 });
             episodes
         };
-        let actions = |step: usize| (0..3 * task().action_dim()).map(|i| ((i * 5 + step) as f64).sin()).collect::<Vec<_>>();
+        let actions =
+            |step: usize| (0..3 * task().action_dim()).map(|i| ((i * 5 + step) as f64).sin()).collect::<Vec<_>>();
         let gap = |remembered: bool| {
             let mut whole = begin(remembered);
             for step in 0..70 {
@@ -217,7 +231,10 @@ fn a_learned_solver_goes_on_too() {
         let (with, without) = (gap(true), gap(false));
         println!("{name}: {with:.1e}, without its past {without:.1e}");
         assert!(with <= allowed, "{name}: {with:.1e} between the states reached");
-        assert!(without > 10.0 * allowed.max(1e-6), "{name}: its past plays no part ({without:.1e}), so nothing is shown");
+        assert!(
+            without > 10.0 * allowed.max(1e-6),
+            "{name}: its past plays no part ({without:.1e}), so nothing is shown"
+        );
     }
 }
 
@@ -273,7 +290,10 @@ fn a_policy_that_diverges_stops_with_a_line_and_its_record_can_be_read() {
             }
         }
     }
-    assert!(said.contains("the policy has diverged: take a smaller `learning_rate`"), "after {lines} iterations: `{said}`");
+    assert!(
+        said.contains("the policy has diverged: take a smaller `learning_rate`"),
+        "after {lines} iterations: `{said}`"
+    );
     // A record of an earlier build has null where figures were not finite.
     let text = serde_json::to_string(&Iteration::default()).expect("JSON").replace("\"kl\":0.0", "\"kl\":null");
     let line: Iteration = serde_json::from_str(&text).expect("read");

@@ -15,7 +15,8 @@ const ALIKE: f64 = 1e-5;
 fn elsewhere(model: &Model, shape: &Shape, frames: &[f64]) -> Vec<f64> {
     let sizes: &[usize] = &[frames.len() / shape.inputs(), shape.stack, shape.observation];
     let sizes = if shape.stack == 1 { &[sizes[0], sizes[2]] } else { sizes };
-    let input = Value::from_shape(sizes, frames.iter().map(|x| *x as f32).collect::<Vec<f32>>()).expect("as many as they should be");
+    let input = Value::from_shape(sizes, frames.iter().map(|x| *x as f32).collect::<Vec<f32>>())
+        .expect("as many as they should be");
     let answer = model.run_one((&input).into(), None).expect("it runs");
     let (_, actions) = answer.into_shape_vec::<f32, 2>().expect("rows of numbers");
     actions.into_iter().map(f64::from).collect()
@@ -25,9 +26,11 @@ fn elsewhere(model: &Model, shape: &Shape, frames: &[f64]) -> Vec<f64> {
 /// policy. Both get the same observations, in f32.
 fn apart(policy: &Policy, task: &str, steps: usize) -> f64 {
     let model = Model::load(model(policy)).expect("a model");
-    let (mut episodes, shape) = (Arena::Solver(SolverSpec::default()).episodes(task, 4, 11).expect("episodes"), &policy.shape);
+    let (mut episodes, shape) =
+        (Arena::Solver(SolverSpec::default()).episodes(task, 4, 11).expect("episodes"), &policy.shape);
     let seen = |of: &[f64]| -> Vec<f64> { of.iter().map(|x| f64::from(*x as f32)).collect() };
-    let begun = |of: &[f64]| -> Vec<f64> { of.chunks(shape.observation).flat_map(|now| now.repeat(shape.stack)).collect() };
+    let begun =
+        |of: &[f64]| -> Vec<f64> { of.chunks(shape.observation).flat_map(|now| now.repeat(shape.stack)).collect() };
     let first = seen(episodes.observations());
     let (actor, mut stack) = (Actor::new(policy.clone()), Stack::new(shape.stack, shape.observation, &first));
     let (mut frames, mut worst) = (begun(&first), 0.0f64);
@@ -70,7 +73,9 @@ fn shipped_policies_act_elsewhere_as_they_act_here() {
 /// Large weights, so that actions reach their bounds.
 #[test]
 fn every_activation_and_stack_has_its_operators() {
-    for (activation, stack) in [(Activation::Gelu, 1), (Activation::Relu, 2), (Activation::Elu, 3), (Activation::Tanh, 4)] {
+    for (activation, stack) in
+        [(Activation::Gelu, 1), (Activation::Relu, 2), (Activation::Elu, 3), (Activation::Tanh, 4)]
+    {
         let mut policy = policy(13, stack, 7, &[24, 16], activation);
         policy.flat.iter_mut().for_each(|w| *w *= 3.0);
         let gap = apart(&policy, "franka-reach-torque", 200);
@@ -99,10 +104,12 @@ fn a_contract_says_what_every_number_is() {
     let anymal = written("anymal-forward", 1);
     assert_eq!(anymal.unknown(), Vec::<String>::new());
     assert!(
-        anymal.law == Law::Position { relative: false, stable_pd: true, servo: false } && (anymal.rate - 60.0).abs() < 1e-9,
+        anymal.law == Law::Position { relative: false, stable_pd: true, servo: false }
+            && (anymal.rate - 60.0).abs() < 1e-9,
         "{anymal:?}"
     );
-    let names = |k: usize| (anymal.observation[k].quantity.as_deref().unwrap_or_default(), anymal.observation[k].of.as_str());
+    let names =
+        |k: usize| (anymal.observation[k].quantity.as_deref().unwrap_or_default(), anymal.observation[k].of.as_str());
     assert_eq!(
         [0, 4, 5, 10].map(names),
         [("root position", "y"), ("root quaternion", "w"), ("root velocity", "x"), ("root angular velocity", "z")]
@@ -126,15 +133,25 @@ fn a_contract_says_what_every_number_is() {
     assert_eq!(cartpole.observation[1].quantity.as_deref(), Some("joint position within [-pi, pi)"));
     // A vector to a point; a tool position, which no quantity describes; a task with its own control law.
     let point = written("ant-point", 1);
-    assert!(point.unknown().is_empty() && point.observation[30].of == "2 z" && point.action[0].scale == 400.0, "{point:?}");
+    assert!(
+        point.unknown().is_empty() && point.observation[30].of == "2 z" && point.action[0].scale == 400.0,
+        "{point:?}"
+    );
     let franka = written("franka-reach", 3);
-    assert!(franka.unknown().len() == 1 && franka.unknown()[0].contains("observation 7, 8, 9:"), "{:?}", franka.unknown());
+    assert!(
+        franka.unknown().len() == 1 && franka.unknown()[0].contains("observation 7, 8, 9:"),
+        "{:?}",
+        franka.unknown()
+    );
     assert!(
         franka.law == Law::Position { relative: true, stable_pd: false, servo: false } && franka.frames_per_action == 2,
         "{:?}",
         franka.law
     );
-    assert!(franka.observations_seen == 3 && franka.input == "observations" && franka.action[6].torque_limit == Some(12.0), "{franka:?}");
+    assert!(
+        franka.observations_seen == 3 && franka.input == "observations" && franka.action[6].torque_limit == Some(12.0),
+        "{franka:?}"
+    );
     assert!(written("lead-tip", 1).law == Law::Own);
     let walk = written("walk@anymal", 1);
     let last = walk.observation.last().and_then(|seen| seen.quantity.as_deref());
@@ -143,7 +160,10 @@ fn a_contract_says_what_every_number_is() {
     // A clock is a quantity, its sine and cosine are not.
     let gait = written(concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-tasks/tests/tasks/gait.toml@anymal"), 1);
     let time = &gait.observation[5];
-    assert!(time.quantity.as_deref() == Some("time since the episode began") && (&*time.unit, time.scale) == ("s", 1.0), "{time:?}");
+    assert!(
+        time.quantity.as_deref() == Some("time since the episode began") && (&*time.unit, time.scale) == ("s", 1.0),
+        "{time:?}"
+    );
     assert!(gait.unknown().len() == 1 && gait.unknown()[0].contains("observation 3, 4:"), "{:?}", gait.unknown());
 }
 

@@ -16,7 +16,13 @@ fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usiz
 }
 
 /// Records trajectories; these policies act in a share of them. Also returns the robot's number of joints.
-fn recorded(robot: &str, policies: Vec<(Arc<dyn Task>, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
+fn recorded(
+    robot: &str,
+    policies: Vec<(Arc<dyn Task>, Policy)>,
+    share: f64,
+    frames: usize,
+    trajectories: usize,
+) -> (Recording, usize) {
     let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     let pilot = Some((Arc::new(Policies::new(policies)) as _, share));
@@ -29,7 +35,9 @@ fn policies_act_in_their_share_of_the_trajectories() {
     let run = |share: f64| recorded("ant", vec![pulling(0.25, "ant-run", 29, 8, 1)], share, 12, 40);
     let (r, joints) = run(0.5);
     // A quarter of 400 N m, within six standard deviations of at most twice e^-4.
-    let led = |t: &usize| r.torques[t * 12 * joints..][..12 * joints].iter().all(|tau| (tau - 100.0).abs() < 400.0 * 2.0 * 0.0184 * 6.0);
+    let led = |t: &usize| {
+        r.torques[t * 12 * joints..][..12 * joints].iter().all(|tau| (tau - 100.0).abs() < 400.0 * 2.0 * 0.0184 * 6.0)
+    };
     let count = (0..40).filter(led).count();
     assert!((10..=30).contains(&count), "a policy acts in {count} of 40 trajectories, half were asked for");
     println!("a policy acts in {count} of 40 trajectories");
@@ -65,7 +73,9 @@ fn part_of_the_trajectories_begin_fast_and_in_part_policies_take_turns() {
     let fast = |t: &usize| r.states[t * (frames + 1) * d + nq + 6..][..joints].iter().any(|v| v.abs() > 0.25);
     let fast = (0..trajectories).filter(fast).count();
     assert!((30..=70).contains(&fast), "{fast} of 200 trajectories begin fast, a quarter was looked for");
-    let signs = |t: usize| (0..frames).map(move |f| (t, f)).map(|(t, f)| r.torques[(t * frames + f) * joints] > 0.0).collect::<Vec<_>>();
+    let signs = |t: usize| {
+        (0..frames).map(move |f| (t, f)).map(|(t, f)| r.torques[(t * frames + f) * joints] > 0.0).collect::<Vec<_>>()
+    };
     let turns: Vec<usize> = (0..trajectories).map(|t| signs(t).windows(2).filter(|w| w[0] != w[1]).count()).collect();
     let mixed = turns.iter().filter(|n| **n > 0).count();
     // Policies change every thirty frames on average, in a quarter of the trajectories. A share e^-3.3 of these has no

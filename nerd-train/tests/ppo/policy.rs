@@ -42,9 +42,11 @@ fn gradients_are_those_of_the_loss_written_down_in_f64() {
             value_clip,
             ..PpoConfig::default()
         };
-        let (mut engine, mut learned, mut adam) = (OnCpu::default(), policy.clone(), Adam::new(policy.flat.len(), 1e-3));
+        let (mut engine, mut learned, mut adam) =
+            (OnCpu::default(), policy.clone(), Adam::new(policy.flat.len(), 1e-3));
         engine.rollout = rollout.clone();
-        let updated = engine.update(&mut learned, &mut adam, &config, StreamKey { seed: 0, number: 0 }).expect("the CPU");
+        let updated =
+            engine.update(&mut learned, &mut adam, &config, StreamKey { seed: 0, number: 0 }).expect("the CPU");
         let scale = 10.0 * updated.gradient_norm.max(1.0) as f32;
         let found: Vec<f32> = adam.m.iter().map(|m| scale * m).collect();
         let params: Vec<f64> = policy.flat.iter().map(|w| f64::from(*w)).collect();
@@ -130,7 +132,8 @@ fn loss(flat: &[f64], policy: &Policy, moments: &RunningMoments, r: &Rollout, c:
         let ratio = (f64::from(r.neg_log_prob[i]) - neg_log_prob).exp();
         let advantage = (r.advantages[i] - mean) / spread;
         let actor = (-advantage * ratio).max(-advantage * ratio.clamp(0.8, 1.2));
-        let (v, value_target, old) = (x[2], moments.normalize(0, r.advantages[i] + r.values[i]), policy.returns.normalize(0, r.values[i]));
+        let (v, value_target, old) =
+            (x[2], moments.normalize(0, r.advantages[i] + r.values[i]), policy.returns.normalize(0, r.values[i]));
         let near = old + (v - old).clamp(-0.2, 0.2);
         let held = if c.value_clip > 0.0 { (near - value_target).powi(2) } else { 0.0 };
         total += actor + 2.0 * (v - value_target).powi(2).max(held) + others;
@@ -171,7 +174,9 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
     }
     // Weights of another policy of the same task, and of a policy of another task.
     let [own, other] = [(); 2].map(|()| tempfile::tempdir().expect("temporary folder"));
-    let weights = |of: &Path| std::fs::copy(of.join("policy.safetensors"), own.path().join("policy.safetensors")).expect("copied");
+    let weights = |of: &Path| {
+        std::fs::copy(of.join("policy.safetensors"), own.path().join("policy.safetensors")).expect("copied")
+    };
     let shipped = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/policies").join(name);
     for (folder, name) in [(own.path(), "ant-run-neural-200"), (other.path(), "ant-run-neural-911")] {
         let (config, policy) = load(&shipped(name)).expect("shipped");
@@ -186,9 +191,11 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
     std::fs::copy(shipped("ant-run-neural-200").join("config.json"), own.path().join("config.json")).expect("copied");
     let said = load(own.path()).expect_err("another task").to_string();
     assert!(said.contains("it is of task `ant-spin`, and config.json of `ant-run`"), "{said}");
-    for (text, key) in
-        [("environments = 1\nhurry = true", "hurry"), ("environments = 0", "environments"), ("learning_rate = nan", "learning_rate")]
-    {
+    for (text, key) in [
+        ("environments = 1\nhurry = true", "hurry"),
+        ("environments = 0", "environments"),
+        ("learning_rate = nan", "learning_rate"),
+    ] {
         let said = PpoConfig::from_text(text).expect_err(text).to_string();
         assert!(said.contains(key), "{text}: {said}");
     }
@@ -199,7 +206,10 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
     assert!(said.contains("`kl` is the old name of `target_kl`, and both are given"), "{said}");
     let config = own.path().join("config.json");
     let text = std::fs::read_to_string(&config).expect("read");
-    let before = text.replace("vf_coef", "critic").replace("learning_rate", "rate").replace("state_dependent_std", "spread_by_state");
+    let before = text
+        .replace("vf_coef", "critic")
+        .replace("learning_rate", "rate")
+        .replace("state_dependent_std", "spread_by_state");
     let [(new, _), (old, _)] = [&text, &before].map(|text| {
         std::fs::write(&config, text).expect("written");
         weights(&shipped("ant-run-neural-200"));

@@ -24,8 +24,14 @@ fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64])
     state.policy.seen.update(episodes.observations());
     state.policy.flat.iter_mut().zip(along).for_each(|(w, x)| *w += (by * x) as f32);
     let noise = StreamKey { seed: 5, number: 0 };
-    let on =
-        RolloutInput { episodes: &mut episodes, running: &mut running, policy: &state.policy, config, noise, stop: Default::default() };
+    let on = RolloutInput {
+        episodes: &mut episodes,
+        running: &mut running,
+        policy: &state.policy,
+        config,
+        noise,
+        stop: Default::default(),
+    };
     engine.roll(on).expect("a rollout");
     (engine.earned, engine.gradient)
 }
@@ -33,9 +39,11 @@ fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64])
 #[test]
 fn the_gradient_of_what_a_policy_earns_is_that_of_differences() {
     // Contact makes an Ant's J nonlinear within its small step, hence the wide tolerance.
-    for (robot, task, h, most) in
-        [("cartpole", "cartpole-swingup", 1e-2, 2e-3), ("ant", "ant-run", 3e-4, 3e-2), ("franka", "franka-reach", 3e-3, 5e-3)]
-    {
+    for (robot, task, h, most) in [
+        ("cartpole", "cartpole-swingup", 1e-2, 2e-3),
+        ("ant", "ant-run", 3e-4, 3e-2),
+        ("franka", "franka-reach", 3e-3, 5e-3),
+    ] {
         let text = "algorithm = \"shac\"\nenvironments = 8\nhorizon = 3\nhidden = [16]\nactivation = \"elu\"\n";
         let (arena, config) = (model(robot), PpoConfig::from_text(text).expect("settings"));
         let (_, gradient) = rolled(&arena, task, &config, 0.0, &[]);
@@ -104,13 +112,17 @@ fn a_resumed_run_equals_an_unbroken_one() {
     steps(&mut whole, 8);
     steps(&mut broken, 5);
     broken.save(&file, "this run").expect("written");
-    let said = centre(Algorithm::Shac, 16 * 16 * 9).resume(&file, "this run").expect_err("another schedule").to_string();
+    let said =
+        centre(Algorithm::Shac, 16 * 16 * 9).resume(&file, "this run").expect_err("another schedule").to_string();
     assert!(said.contains("rate falls over all 8 iterations"), "{said}");
     broken = begin();
     broken.resume(&file, "this run").expect("its own file");
     steps(&mut broken, 3);
     assert!(whole.state == broken.state, "the runs differ");
-    assert!(whole.engine.learned().expect("a critic") == broken.engine.learned().expect("a critic"), "their critics differ");
+    assert!(
+        whole.engine.learned().expect("a critic") == broken.engine.learned().expect("a critic"),
+        "their critics differ"
+    );
 }
 
 #[test]
@@ -170,7 +182,9 @@ fn an_environment_without_finite_gradients_is_left_out_and_begins_anew() {
     let config = PpoConfig::from_text(text).expect("settings");
     let rolled = |beyond: f64, said: bool| {
         let inner = |system: &Arc<System>| Articulated::new(ArticulatedConfig::accurate(system));
-        let make = move |system: &Arc<System>, _: &Arc<Scene>| Ok(Box::new(Lost { inner: inner(system), beyond, said }) as Box<dyn Solver>);
+        let make = move |system: &Arc<System>, _: &Arc<Scene>| {
+            Ok(Box::new(Lost { inner: inner(system), beyond, said }) as Box<dyn Solver>)
+        };
         let arena = Arena::Guest("lost".into(), Arc::new(make));
         let task = nerd_tasks::named("cartpole-swingup").expect("registered");
         let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3).expect("a run");
@@ -185,7 +199,13 @@ fn an_environment_without_finite_gradients_is_left_out_and_begins_anew() {
             stop: Default::default(),
         };
         let taken = engine.roll(on).expect("a rollout");
-        (engine.gradients(&state.policy), engine.gradient, taken.failed, episodes.simulation.batch.frames.clone(), state.running)
+        (
+            engine.gradients(&state.policy),
+            engine.gradient,
+            taken.failed,
+            episodes.simulation.batch.frames.clone(),
+            state.running,
+        )
     };
     let (whole, sum, none, ..) = rolled(f64::MAX, true);
     assert_eq!(none, 0, "all have gradients");
@@ -200,7 +220,11 @@ fn an_environment_without_finite_gradients_is_left_out_and_begins_anew() {
         for env in 0..16 {
             let (lost, own) = (out.contains(&env), &gradients[env]);
             assert!(lost || *own == whole[env], "environment {env} has another gradient than among sound ones");
-            assert_eq!((frames[env], running.lengths[env]), if lost { (0, 0.0) } else { (8, 8.0) }, "environment {env}");
+            assert_eq!(
+                (frames[env], running.lengths[env]),
+                if lost { (0, 0.0) } else { (8, 8.0) },
+                "environment {env}"
+            );
         }
     }
 }

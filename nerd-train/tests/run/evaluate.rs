@@ -23,7 +23,8 @@ struct Fails(Articulated);
 
 impl Solver for Fails {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        let torques: Vec<f64> = torques.iter().enumerate().map(|(i, t)| if i / 2 % 2 == 1 { f64::NAN } else { *t }).collect();
+        let torques: Vec<f64> =
+            torques.iter().enumerate().map(|(i, t)| if i / 2 % 2 == 1 { f64::NAN } else { *t }).collect();
         self.0.step(batch, &torques)
     }
 }
@@ -35,11 +36,16 @@ fn what_fails_is_counted_and_errs_as_what_stands_still() {
     let truth = || Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     let config = PassiveConfig { starts: 6, steps: 30, seed: 4, action: Action::Zero };
     let scene = system.scene("ground1").expect("scene");
-    let report = passive(&system, &scene, &mut truth(), &mut Fails(truth()), config, &mut |_| ()).expect("the others go on");
+    let report =
+        passive(&system, &scene, &mut truth(), &mut Fails(truth()), config, &mut |_| ()).expect("the others go on");
     assert_eq!((report.failed, report.diverged, report.first_divergence), (3, 3, Some(1)));
     let standing = |k: usize| report.error[k] / report.hold[k];
     println!("errors over those of standing still {:.2}, {:.2}", standing(0), standing(1));
-    assert!((0.2..0.8).contains(&standing(0)) && (0.2..0.8).contains(&standing(1)), "half of the rollouts stand: {:?}", report.error);
+    assert!(
+        (0.2..0.8).contains(&standing(0)) && (0.2..0.8).contains(&standing(1)),
+        "half of the rollouts stand: {:?}",
+        report.error
+    );
 }
 
 #[test]
@@ -52,12 +58,15 @@ fn targets_are_of_each_start_and_within_what_is_asked() {
     assert_eq!((held.every, all.len()), (1, 7 * 3 * 12), "a target a frame of 1/60 s");
     let most = all.iter().fold(0.0f64, |most, x| most.max(x.abs()));
     assert!((0.25..=0.3).contains(&most), "{most} rad at most");
-    let of = |target, env: usize| -> Vec<f64> { held.drives(target, 5)[12 * env..12 * env + 12].iter().map(|d| d.target).collect() };
+    let of = |target, env: usize| -> Vec<f64> {
+        held.drives(target, 5)[12 * env..12 * env + 12].iter().map(|d| d.target).collect()
+    };
     assert!(of(0, 0) != of(0, 1) && of(0, 0) != of(1, 0) && of(0, 0) == of(0, 3), "of each start and target; in turn");
     // The same solver twice has no error; held targets move the robot otherwise than limp joints.
     let scene = system.scene("ground").expect("scene");
     let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
-    let report = |action| passive(&system, &scene, &mut solver(), &mut solver(), protocol(action), &mut |_| ()).expect("finite");
+    let report =
+        |action| passive(&system, &scene, &mut solver(), &mut solver(), protocol(action), &mut |_| ()).expect("finite");
     let [held, limp] = [Action::Held(0.3), Action::Limp].map(report);
     assert!(held.error.iter().all(|x| *x == 0.0) && held.hold != limp.hold, "{held:?}");
 }

@@ -20,7 +20,8 @@ const LOG: &str = "file = \"turns.csv\"\nrobot = \"wheel.urdf\"\nscene = \"free\
 /// A log of `runs` runs of 60 frames; every fifth begins `odd` times as fast.
 fn log(folder: &Path, runs: u64, odd: f64) {
     std::fs::write(folder.join("wheel.urdf"), WHEEL).expect("written");
-    std::fs::write(folder.join("wheel.toml"), "like = \"urdf\"\nfloating = false\nframe_time = 0.02\n").expect("written");
+    std::fs::write(folder.join("wheel.toml"), "like = \"urdf\"\nfloating = false\nframe_time = 0.02\n")
+        .expect("written");
     std::fs::write(folder.join("log.toml"), LOG).expect("written");
     let system = System::named(&folder.join("wheel.urdf").display().to_string()).expect("a robot");
     let mut solver = Truth::Articulated.solver(&system);
@@ -65,7 +66,10 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     assert!(text.contains("531 transitions of 9 recorded trajectories") && text.contains("What it is worth"), "{text}");
 
     let pieces = measured.pieces(&measured.held_out, [0, 50, 50], 64).expect("pieces");
-    let analytic = [("as described", measured.described().expect("a scene")), ("calibrated", measured.calibrated(50, 60).expect("a fit"))];
+    let analytic = [
+        ("as described", measured.described().expect("a scene")),
+        ("calibrated", measured.calibrated(50, 60).expect("a fit")),
+    ];
     let found = recorded(&measured, &pieces, &model, &analytic, None).expect("a verdict").expect("of a network");
     assert!(found.model.mean() < 0.5 * found.base.mean(), "{found}");
     // The motion is linear, and the solver made it.
@@ -77,11 +81,19 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     // Another log of the same motions, from frame 10 on, offset by 0.1 rad.
     let off = |t: &Trajectory| {
         let state = |(k, s): (usize, &Vec<f64>)| vec![s[0] + if k > 0 { 0.1 } else { 0.0 }, s[1]];
-        Trajectory { id: 0, states: t.states[10..].iter().enumerate().map(state).collect(), torques: t.torques[10..].to_vec() }
+        Trajectory {
+            id: 0,
+            states: t.states[10..].iter().enumerate().map(state).collect(),
+            torques: t.torques[10..].to_vec(),
+        }
     };
-    let mut other = nerd_sim::log::Log { trajectories: measured.held_out.iter().map(off).collect(), ..measured.log.clone() };
+    let mut other =
+        nerd_sim::log::Log { trajectories: measured.held_out.iter().map(off).collect(), ..measured.log.clone() };
     let (pieces, states) = measured.beside(&other, 3, None, 64).expect("pieces");
-    assert_eq!((pieces.count(), pieces.before, pieces.frames(), &pieces.states[3][..2]), (2, 3, 49, &measured.held_out[0].states[10][..]));
+    assert_eq!(
+        (pieces.count(), pieces.before, pieces.frames(), &pieces.states[3][..2]),
+        (2, 3, 49, &measured.held_out[0].states[10][..])
+    );
     let beside = Some(Beside { of: "off".into(), states, microseconds: 0.0 });
     let found = recorded(&measured, &pieces, &model, &analytic[..1], beside).expect("a verdict").expect("of a network");
     assert!(found.beside.first().is_some_and(|row| (row.errors[0] - 0.1).abs() < 1e-12), "{found}");
@@ -134,8 +146,12 @@ fn what_means_nothing_beside_a_log_is_refused() {
         ("history", 200.into(), "no sequence"),
     ];
     for (key, value, words) in cases {
-        let [data, out] = [folder.path().to_path_buf(), folder.path().join("x")].map(|path| Value::from(path.display().to_string()));
-        let given: Given = [("data", data), ("out", out), (key, value)].map(|(key, value)| (key.to_string(), value)).into_iter().collect();
+        let [data, out] =
+            [folder.path().to_path_buf(), folder.path().join("x")].map(|path| Value::from(path.display().to_string()));
+        let given: Given = [("data", data), ("out", out), (key, value)]
+            .map(|(key, value)| (key.to_string(), value))
+            .into_iter()
+            .collect();
         let said = Recipe::plain(&given).and_then(|recipe| recipe.train()).expect_err(key).to_string();
         assert!(said.contains(words) && said.lines().count() == 1, "{key}: {said}");
     }
@@ -159,8 +175,14 @@ fn frames_before_a_start_are_shown_as_they_were() {
     let system = System::named("pendulum").expect("built in");
     let states: Vec<Vec<f64>> = (0..6).map(|k| vec![0.1 * f64::from(k), 0.0, 0.0, 0.0]).collect();
     let scene = system.scene("free").expect("a scene");
-    let pieces =
-        Pieces { system, systems: Vec::new(), scenes: vec![scene], before: 3, torques: vec![vec![0.0; 2]; 5], states: states.clone() };
+    let pieces = Pieces {
+        system,
+        systems: Vec::new(),
+        scenes: vec![scene],
+        before: 3,
+        torques: vec![vec![0.0; 2]; 5],
+        states: states.clone(),
+    };
     let mut spy = Spy::default();
     let report = pieces.compare(&mut spy).expect("a report");
     let seen: Vec<f64> = spy.0.iter().map(|(states, _)| states[0]).collect();

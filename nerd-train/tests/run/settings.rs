@@ -24,7 +24,12 @@ fn weights(model: Option<PathBuf>) -> Vec<u8> {
 #[test]
 fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
     // Some compute in f32 on a GPU.
-    let robot = given(&[("out", "out/x".into()), ("transitions", 1000.into()), ("finish", true.into()), ("device", "cuda".into())]);
+    let robot = given(&[
+        ("out", "out/x".into()),
+        ("transitions", 1000.into()),
+        ("finish", true.into()),
+        ("device", "cuda".into()),
+    ]);
     for name in Recipe::names() {
         let recipe = Recipe::named(name, &robot).unwrap_or_else(|e| panic!("{name}: {e}"));
         for (k, run) in recipe.runs.iter().enumerate() {
@@ -38,7 +43,8 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && frames >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                mode.network(&system, run.embedding, run.layers).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
+                mode.network(&system, run.embedding, run.layers)
+                    .unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }
     }
@@ -52,7 +58,12 @@ fn defaults_are_within_their_ranges_and_every_key_says_what_it_means() {
     assert_eq!(all.len(), RunConfig::keys().len(), "keys and fields");
     for key in RunConfig::keys() {
         let value = &all[&key.name()];
-        assert!(value.is_null() || key.values.check(value).is_ok(), "{}: {value} is none of {:?}", key.name(), key.values);
+        assert!(
+            value.is_null() || key.values.check(value).is_ok(),
+            "{}: {value} is none of {:?}",
+            key.name(),
+            key.values
+        );
         assert!(key.help().len() > 10, "{} says too little", key.name());
     }
 }
@@ -63,7 +74,9 @@ fn old_keys_of_a_file_are_read_as_the_new_ones() {
     let read = |keys: [&str; 4]| {
         let [rate, last, told, fresh] = keys;
         let path = folder.path().join("my.toml");
-        let text = format!("robot = \"ant-family\"\n{rate} = 0.5\n{told} = true\n[[run]]\n{last} = 0.25\n[[run]]\n{fresh} = 7\n");
+        let text = format!(
+            "robot = \"ant-family\"\n{rate} = 0.5\n{told} = true\n[[run]]\n{last} = 0.25\n[[run]]\n{fresh} = 7\n"
+        );
         std::fs::write(&path, text).expect("written");
         Recipe::read(&path, &Given::new())
     };
@@ -84,12 +97,14 @@ fn every_number_of_settings_has_bounds() {
         }
     }
     let usual = serde_json::json!(PpoConfig::default());
-    let keys = usual.as_object().expect("keys").iter().filter(|(_, value)| value.is_number()).map(|(key, _)| key.as_str());
+    let keys =
+        usual.as_object().expect("keys").iter().filter(|(_, value)| value.is_number()).map(|(key, _)| key.as_str());
     let keys: Vec<&str> = keys.chain(["init_noise_std"]).collect();
     assert!(keys.len() > 12, "{keys:?}");
     for key in keys {
         for odd in ["1e300", "-1", "9223372036854775807", "nan", "inf"] {
-            let said = PpoConfig::from_text(&format!("{key} = {odd}")).map_err(|e| e.to_string()).err().unwrap_or_default();
+            let said =
+                PpoConfig::from_text(&format!("{key} = {odd}")).map_err(|e| e.to_string()).err().unwrap_or_default();
             assert!(said.contains(key) && said.lines().count() == 1, "{key} = {odd}: `{said}`");
         }
     }
@@ -113,12 +128,18 @@ fn a_file_is_read_under_what_is_given() {
     let run = &Recipe::read(&path, &given(&[("updates", 90.into()), ("hold", 7.into())])).expect("a recipe").runs[0];
     assert_eq!((run.updates, run.record.hold, run.huber, run.record.torque_scale), (90, 7, Some(0.02), -1.0));
     // A model to start from has its own epsilon.
-    let onto = Recipe::named("quick", &given(&[("robot", "cube".into()), ("from", "models/cube".into())])).expect("a recipe");
+    let onto =
+        Recipe::named("quick", &given(&[("robot", "cube".into()), ("from", "models/cube".into())])).expect("a recipe");
     assert_eq!((onto.runs[0].epsilon, onto.runs[0].from.is_some()), (None, true));
     // For several runs, given lengths are upper bounds.
-    std::fs::write(&path, "out = \"o\"\nrobot = \"cube\"\n[[run]]\nupdates = 70\nfresh = 50\n[[run]]\nupdates = 20\n").expect("written");
-    let chain = Recipe::read(&path, &given(&[("updates", 30.into()), ("transitions", 40.into())])).expect("a chain").runs;
-    let found: Vec<_> = chain.iter().map(|r| (r.updates, r.transitions, r.fresh_transitions, r.out.to_str().unwrap_or_default())).collect();
+    std::fs::write(&path, "out = \"o\"\nrobot = \"cube\"\n[[run]]\nupdates = 70\nfresh = 50\n[[run]]\nupdates = 20\n")
+        .expect("written");
+    let chain =
+        Recipe::read(&path, &given(&[("updates", 30.into()), ("transitions", 40.into())])).expect("a chain").runs;
+    let found: Vec<_> = chain
+        .iter()
+        .map(|r| (r.updates, r.transitions, r.fresh_transitions, r.out.to_str().unwrap_or_default()))
+        .collect();
     assert_eq!(found, [(30, 40, 40, "o/1"), (20, 40, 0, "o/2")]);
 }
 
@@ -180,7 +201,9 @@ fn a_setting_that_its_mode_does_not_use_is_refused_by_its_key() {
             assert!(said.starts_with(&format!("--{key} ")) && said.lines().count() == 1, "{head}, {key}: {said}");
         }
     }
-    for (text, words) in [("history = 1\nsequence = 4", "give it with --from"), ("device = 'cuda-f32'", "--device cuda-f32")] {
+    for (text, words) in
+        [("history = 1\nsequence = 4", "give it with --from"), ("device = 'cuda-f32'", "--device cuda-f32")]
+    {
         let said = mode(text).expect_err(text).to_string();
         assert!(said.contains(words), "{text}: {said}");
     }

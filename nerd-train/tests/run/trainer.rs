@@ -34,8 +34,14 @@ fn told(losses: &[f32], stop: usize) -> Vec<(u64, u64)> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (first, last) in [(0, stop), (stop, losses.len())] {
         let (updates, schedule) = (last as u64, Schedule { start: 1e-3, end: 1e-4, warmup: 0 });
-        let config =
-            TrainerConfig { updates, schedule, validate_every: 1, checkpoint_every: 0, validation_windows: 51_200, log_every: 500 };
+        let config = TrainerConfig {
+            updates,
+            schedule,
+            validate_every: 1,
+            checkpoint_every: 0,
+            validation_windows: 51_200,
+            log_every: 500,
+        };
         let mut learner = Told { state: LearnerState { step: first as u64, ..fresh() }, losses: losses.to_vec() };
         Trainer::new(config, 1, folder.path(), "{}").run(&mut learner, None, &mut |_, _| Ok(None)).expect("a run");
     }

@@ -25,14 +25,22 @@ fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
         let (truth, scene) = (&mut *Truth::Articulated.solver(&system), system.scene("ground1").expect("a scene"));
         let report = passive(&system, &scene, truth, still, found.protocol, &mut |_| ()).expect("a report");
         let apart = found.base.errors.iter().zip(&report.error).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        assert!(apart < 1e-12 && (base != Base::State || report.error == report.hold), "{base:?}: {:?} {report:?}", found.base);
+        assert!(
+            apart < 1e-12 && (base != Base::State || report.error == report.hold),
+            "{base:?}: {:?} {report:?}",
+            found.base
+        );
         for times in found.times(&found.base) {
             assert!((times - 1.0).abs() < 1e-4, "{base:?}: base alone errs {times} times as much");
         }
         assert!(found.shortfall().is_some_and(|why| why.contains("base alone")), "{base:?}: {:?}", found.shortfall());
         assert!(!found.line().starts_with("use the network"), "{}", found.line());
         assert!(found.equal().is_some(), "at the truth's own substeps the error is 0");
-        assert!(found.articulated.iter().rev().skip(1).all(|row| row.mean() > found.model.mean()), "{:?}", found.articulated);
+        assert!(
+            found.articulated.iter().rev().skip(1).all(|row| row.mean() > found.model.mean()),
+            "{:?}",
+            found.articulated
+        );
         // A solver with smaller errors is advised if it is known to take less time.
         for microseconds in [1e-3, 0.0] {
             let other = Row { of: "another".into(), errors: found.model.errors.clone(), microseconds, diverged: 0 };

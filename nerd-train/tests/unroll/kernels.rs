@@ -50,16 +50,30 @@ fn apart_on_cpu(
     let (upstreams, count) = (some(ROLLOUTS * state, 5.0), motions.len() * (motions.frames + 1));
     let frames = (0..motions.len()).flat_map(|i| (0..motions.frames).map(move |k| (i, k)));
     let seen: Vec<f64> = frames.flat_map(|(i, k)| motions.torques(i, k)[..6].to_vec()).collect();
-    let scenes = motions.scenes.iter().flat_map(|scene| body.record(system, scene, colliders).expect("a scene with kernels"));
-    let placed = |later: usize| starts.iter().flat_map(|p| Cable::row(&Place { frame: p.frame + later, ..*p }, true)).collect::<Vec<f64>>();
+    let scenes =
+        motions.scenes.iter().flat_map(|scene| body.record(system, scene, colliders).expect("a scene with kernels"));
+    let placed = |later: usize| {
+        starts.iter().flat_map(|p| Cable::row(&Place { frame: p.frame + later, ..*p }, true)).collect::<Vec<f64>>()
+    };
     let doubles = |numbers: &[f64]| cpp::bytes(numbers, f64::to_le_bytes);
     let zeros = |size: usize, numbers: usize| vec![0; size * ROLLOUTS * numbers];
     let read = [placed(0), placed(FRAME), motions.states().to_vec(), vec![0.0; count * state], seen, scenes.collect()];
     let mut buffers = read.map(|numbers| doubles(&numbers)).to_vec();
     let singles = [&predicted, &by_tokens].map(|numbers| cpp::bytes(numbers, f32::to_le_bytes));
-    buffers.extend([vec![zeros(8, (FRAME + 2) * state)], singles.into(), vec![doubles(&upstreams), zeros(8, state)]].concat());
-    buffers.extend([zeros(4, rows * padded(inputs)), zeros(8, 1), zeros(8, 4 * rows), zeros(4, rows * outputs), zeros(4, 1)]);
-    let sizes = format!("const int N = {ROLLOUTS}, K = {FRAME}, FRAMES = {}, WIDTH = {state}, COUNT = {count};", motions.frames);
+    buffers.extend(
+        [vec![zeros(8, (FRAME + 2) * state)], singles.into(), vec![doubles(&upstreams), zeros(8, state)]].concat(),
+    );
+    buffers.extend([
+        zeros(4, rows * padded(inputs)),
+        zeros(8, 1),
+        zeros(8, 4 * rows),
+        zeros(4, rows * outputs),
+        zeros(4, 1),
+    ]);
+    let sizes = format!(
+        "const int N = {ROLLOUTS}, K = {FRAME}, FRAMES = {}, WIDTH = {state}, COUNT = {count};",
+        motions.frames
+    );
     let launches = format!("{sizes}\nconst double WEIGHT = {WEIGHT};{LAUNCHES}");
     let found = compiler.launch(&body.program(system, colliders), &launches, &buffers);
     let wide = |x: Vec<f32>| x.into_iter().map(f64::from).collect::<Vec<f64>>();
@@ -76,7 +90,12 @@ fn apart_on_cpu(
         let truth = body.truth(motions, &place(FRAME + 1));
         let (mut all, mut upstream, mut front) = (body.level(), body.level(), body.level());
         let vectors = upstream.along.iter_mut().chain(&mut upstream.rates).flat_map(|v| v.iter_mut());
-        upstream.gripper.numbers_mut().chain(vectors).zip(&upstreams[i * state..][..gradient]).for_each(|(x, n)| *x = *n);
+        upstream
+            .gripper
+            .numbers_mut()
+            .chain(vectors)
+            .zip(&upstreams[i * state..][..gradient])
+            .for_each(|(x, n)| *x = *n);
         let cost = body.loss([&moved, &truth], FRAME + 1, WEIGHT, &mut all);
         body.join(&mut all, &upstream, 1 + i);
         let wanted = body.advance_back(&own, predicted, &all, &mut front);
@@ -106,7 +125,8 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let system = System::named("lead-pegs").expect("built in");
     let chain = Chain::of(&system).expect("a chain");
     let config = GenerateConfig { transitions: 6 * 60, frames: 60, seed: 3, ..GenerateConfig::default() };
-    let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+    let solver =
+        || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
     let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
     let (normalizer, velocity) = scales(&chain, &motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
@@ -115,7 +135,9 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let starts: Vec<_> = (0..ROLLOUTS).map(start).collect();
     let (worst, tokens) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts);
     let touching = tokens.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
-    println!("{touching} ends of rods near a surface; states, tokens, loss, its gradients, by outputs, by the chain: {worst:?} off");
+    println!(
+        "{touching} ends of rods near a surface; states, tokens, loss, its gradients, by outputs, by the chain: {worst:?} off"
+    );
     // Rounding of f64, and of f32.
     let bounds = [1e-9, 1e-6, 1e-9, 1e-9, 1e-6, 1e-9];
     assert!(touching > 100 && worst.iter().zip(bounds).all(|(off, most)| *off < most), "{touching}, {worst:?}");

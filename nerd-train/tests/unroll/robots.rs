@@ -36,7 +36,10 @@ fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Motions>, Normalizer) {
 
 fn weights(system: &System, form: Form) -> Weights {
     let paper = TransformerConfig::paper(Features::inputs(system, form), Features::outputs(system), 24);
-    Weights::init(TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper }, 5)
+    Weights::init(
+        TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper },
+        5,
+    )
 }
 
 #[test]
@@ -103,5 +106,8 @@ fn rollouts_come_nearer_to_the_truth() {
         missed.push(learner.validate(200).expect("finite"));
         state = learner.state().expect("a state");
     }
-    assert!(missed[1] < 0.8 * missed[0] && missed[3] < 0.9 * missed[1], "shares of a change that are missed: {missed:?}");
+    assert!(
+        missed[1] < 0.8 * missed[0] && missed[3] < 0.9 * missed[1],
+        "shares of a change that are missed: {missed:?}"
+    );
 }

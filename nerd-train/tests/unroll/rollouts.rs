@@ -24,7 +24,8 @@ fn case() -> Case {
     Case { chain: Chain::of(&system).expect("a chain"), motions: Arc::new(motions), system }
 }
 
-const CONFIG: LearnerConfig = LearnerConfig { batch: 20, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
+const CONFIG: LearnerConfig =
+    LearnerConfig { batch: 20, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
 
 /// The training course of rollouts of `frames` frames.
 fn course(case: &Case, frames: usize) -> Course<Cable> {
@@ -41,8 +42,15 @@ fn learner(case: &Case, config: LearnerConfig, state: LearnerState, frames: usiz
 
 fn weights(chain: &Chain) -> Weights {
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 16);
-    let small =
-        TransformerConfig { layers: 3, heads: 1, block: chain.rods, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
+    let small = TransformerConfig {
+        layers: 3,
+        heads: 1,
+        block: chain.rods,
+        history: 1,
+        head: 1,
+        architecture: Architecture::Chain,
+        ..paper
+    };
     Weights::init(small, 5)
 }
 
@@ -58,7 +66,8 @@ fn a_motion_turned_and_mirrored_is_one_as_well() {
     let view = View::new(0.7, true);
     let mut worst = 0.0f64;
     for frame in [0, 7, 20] {
-        let (rods, torques, scene) = (chain.rods(motions.state(2, frame)), motions.torques(2, frame), &motions.scenes[2]);
+        let (rods, torques, scene) =
+            (chain.rods(motions.state(2, frame)), motions.torques(2, frame), &motions.scenes[2]);
         let seen = view.rods(&chain, &rods);
         let look = Look::at(&chain, &rods, torques, |place| scene.contact(place));
         let other = Look::at(&chain, &seen, &view.torques(&chain, torques), |place| view.contact(&chain, scene, place));
@@ -86,7 +95,13 @@ fn a_motion_turned_and_mirrored_is_one_as_well() {
 fn scenes_are_drawn_again_from_the_seed() {
     let Case { system, motions, .. } = case();
     let folder = tempfile::tempdir().expect("a folder");
-    let config = GenerateConfig { transitions: 40 * 30, frames: 30, seed: 3, shard_trajectories: 16, ..GenerateConfig::default() };
+    let config = GenerateConfig {
+        transitions: 40 * 30,
+        frames: 30,
+        seed: 3,
+        shard_trajectories: 16,
+        ..GenerateConfig::default()
+    };
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
     generate(&system, &mut solver, "articulated accurate", &config, folder.path(), &mut |_, _| ()).expect("data");
     let read = Motions::read(&system, "articulated accurate", folder.path()).expect("what was written");
@@ -101,7 +116,8 @@ fn scenes_are_drawn_again_from_the_seed() {
     // Under another seed the recorded contacts do not fit the scenes.
     let mut manifest = Manifest::read(folder.path()).expect("written");
     manifest.seed = 4;
-    let error = manifest.shard_in_scenes(folder.path(), &manifest.shards[0], &system).expect_err("other scenes").to_string();
+    let error =
+        manifest.shard_in_scenes(folder.path(), &manifest.shards[0], &system).expect_err("other scenes").to_string();
     assert!(error.contains("trajectory 0: its scenes cannot be drawn again"), "{error}");
 }
 
@@ -130,7 +146,12 @@ fn the_gradient_of_a_rollout_is_that_of_differences() {
     let case = case();
     // Contact normals count as constant. Along the loss gradient this matters least.
     for (frames, most) in [(1, 5e-3), (4, 2e-2)] {
-        let off = gradient_off(&course(&case, frames), &weights(&case.chain), |k| View::new(k as f64, k.is_multiple_of(2)), 1e-2);
+        let off = gradient_off(
+            &course(&case, frames),
+            &weights(&case.chain),
+            |k| View::new(k as f64, k.is_multiple_of(2)),
+            1e-2,
+        );
         assert!(off < most, "{frames} frames: off by {off:.1e}");
     }
 }
@@ -140,7 +161,9 @@ fn rollouts_come_nearer_to_the_truth() {
     let case = case();
     let (normalizer, _) = scales(&case.chain, &case.motions);
     let mut state = LearnerState::new(weights(&case.chain));
-    let judged = |state: &LearnerState| distance(&case.system, &case.motions, &state.averaged(), &normalizer).expect("a chain's");
+    let judged = |state: &LearnerState| {
+        distance(&case.system, &case.motions, &state.averaged(), &normalizer).expect("a chain's")
+    };
     let first = judged(&state);
     let mut missed = [0.0; 2];
     for (frames, updates) in [(1, 150), (4, 50)] {

@@ -46,13 +46,18 @@ impl ArenaArgs {
         }
         if let Some(family) = self.family {
             if matches!(spec, SolverSpec::Neural(_)) {
-                bail!("--family: robots that differ are stepped by `articulated` or `rapier`; leave --solver neural out");
+                bail!(
+                    "--family: robots that differ are stepped by `articulated` or `rapier`; leave --solver neural out"
+                );
             }
             return Ok(Arena::family(task, &family, spec)?);
         }
         let robot = nerd_tasks::named(task)?;
         if robot.system()?.spec.vary.is_some() {
-            tell!("note: [vary] of `{0}` is not used here: --family {0} draws a robot for each environment", robot.robot());
+            tell!(
+                "note: [vary] of `{0}` is not used here: --family {0} draws a robot for each environment",
+                robot.robot()
+            );
         }
         Ok(Arena::of(spec, &*robot)?)
     }

@@ -20,7 +20,11 @@ impl ExportArgs {
         let contract = nerd_train::onnx::export(&policy, &*nerd_tasks::named(&config.task)?, &self.out)?;
         let (seen, acted) = (contract.observation.len(), contract.action.len());
         let (onnx, beside, rate) = (self.out.display(), self.out.with_extension("json"), contract.rate);
-        say!("{onnx}: {seen} numbers to {acted}, {rate:.4} a second, opset {}; what they are: {}", contract.opset, beside.display());
+        say!(
+            "{onnx}: {seen} numbers to {acted}, {rate:.4} a second, opset {}; what they are: {}",
+            contract.opset,
+            beside.display()
+        );
         contract.unknown().iter().for_each(|line| tell!("{line}"));
         Ok(())
     }

@@ -1,5 +1,5 @@
-//! `cargo xtask policy train|evaluate|show|export|sim-to-sim`: trains policies on one solver, plays them on any, and exports
-//! them.
+//! `cargo xtask policy train|evaluate|show|export|sim-to-sim`: trains policies on one solver, plays them on any, and
+//! exports them.
 
 use nerd_lab::experiments::{carried::Carried, policies::Policies};
 use nerd_lab::report::{Table, or_dash};
@@ -122,23 +122,27 @@ fn train(args: TrainArgs) -> Result<()> {
     if gradients {
         unused(&[("--recipe", args.recipe.is_some())], "with --algorithm shac, which has one for each task")?;
     }
-    let mut config =
-        if gradients { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
+    let mut config = if gradients {
+        PpoConfig::shac(&task)?
+    } else {
+        arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())?
+    };
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
     let most = args.envs.or(args.horizon).map_or(usize::MAX, |_| config.steps());
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch.min(most));
-    let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
+    let out =
+        args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
     let run = PolicyRun { task, arena, config, seed, minutes, out };
     say(&run.train()?);
     Ok(())
 }
 
 fn say(done: &Learned) {
-    let reward = done
-        .reward
-        .map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1} with noise (`policy evaluate` plays without)"));
+    let reward = done.reward.map_or("no full set of episodes yet".into(), |r| {
+        format!("best mean reward {r:.1} with noise (`policy evaluate` plays without)")
+    });
     let seconds = done.elapsed.as_secs_f64();
     say!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
     say!("{}", done.spent);
@@ -147,7 +151,13 @@ fn say(done: &Learned) {
         tell!("{} episodes ended because the solver could not go on with them{first}", done.failed);
     }
     let rate = done.rate.map(|rate| format!("{rate:.0}"));
-    let cells = [done.title.clone(), or_dash(done.reward), done.iterations.to_string(), or_dash(rate), done.policy.display().to_string()];
+    let cells = [
+        done.title.clone(),
+        or_dash(done.reward),
+        done.iterations.to_string(),
+        or_dash(rate),
+        done.policy.display().to_string(),
+    ];
     out::keep(&Table::new("policy", &["run", "reward", "iterations", "steps/s", "folder"]).with([cells.to_vec()]));
 }
 
@@ -161,7 +171,10 @@ fn show(args: ShowArgs) -> Result<()> {
         bail!("--command: {said}");
     }
     let commands = episodes.task.commands();
-    let asked = commands.iter().zip(episodes.view(0).goal).map(|((name, _), x)| format!(", {name} {}", (x * 1e3).round() / 1e3));
+    let asked = commands
+        .iter()
+        .zip(episodes.view(0).goal)
+        .map(|((name, _), x)| format!(", {name} {}", (x * 1e3).round() / 1e3));
     let title = format!("{} in {}{}", folder::called(&args.policy)?, arena.title()?, asked.collect::<String>());
     let (page, reward) = replay::episode(&policy, &mut episodes, &title)?;
     say!("{title}: {} steps, reward {reward:.1}", page.frames());

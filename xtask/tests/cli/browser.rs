@@ -35,10 +35,23 @@ impl Browser {
         let [asks, answers] = ["asks", "answers"].map(|pipe| folder.path(pipe));
         assert!(Command::new("mkfifo").args([&asks, &answers]).status().expect("mkfifo").success(), "two pipes");
         let mut command = Command::new("sh");
-        command.args(["-c", "exec \"$@\" 3<\"$ASKS\" 4>\"$ANSWERS\"", "sh", name]).env("ASKS", &asks).env("ANSWERS", &answers);
-        command.args(["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-sync", "--remote-debugging-pipe"]);
+        command
+            .args(["-c", "exec \"$@\" 3<\"$ASKS\" 4>\"$ANSWERS\"", "sh", name])
+            .env("ASKS", &asks)
+            .env("ANSWERS", &answers);
+        command.args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--no-first-run",
+            "--disable-sync",
+            "--remote-debugging-pipe",
+        ]);
         command.args(["--disable-background-networking", "--disable-component-update"]).stderr(Stdio::null());
-        command.args([format!("--window-size={width},{height}"), format!("--user-data-dir={}", folder.path("profile").display())]);
+        command.args([
+            format!("--window-size={width},{height}"),
+            format!("--user-data-dir={}", folder.path("profile").display()),
+        ]);
         let process = command.spawn().expect("a shell");
         let to = File::options().write(true).open(asks).expect("a pipe");
         let (heard, from) = channel();
@@ -49,7 +62,8 @@ impl Browser {
         });
         let mut browser = Self { process, to, from, session: Value::Null, asked: 0, _folder: folder };
         let page = browser.call("Target.createTarget", json!({ "url": url }))["targetId"].clone();
-        browser.session = browser.call("Target.attachToTarget", json!({ "targetId": page, "flatten": true }))["sessionId"].clone();
+        browser.session =
+            browser.call("Target.attachToTarget", json!({ "targetId": page, "flatten": true }))["sessionId"].clone();
         Some(browser)
     }
 
@@ -61,7 +75,8 @@ impl Browser {
         }
         self.to.write_all(format!("{message}\0").as_bytes()).expect("a browser that listens");
         loop {
-            let mut answer = self.from.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("{method}: the browser says nothing: {e}"));
+            let mut answer =
+                self.from.recv_timeout(PATIENCE).unwrap_or_else(|e| panic!("{method}: the browser says nothing: {e}"));
             if answer["id"] == self.asked {
                 assert!(answer["error"].is_null(), "{method}: {answer}");
                 return answer["result"].take();
@@ -71,7 +86,8 @@ impl Browser {
 
     /// The value of a line of JavaScript in the page; promises are awaited.
     pub fn run(&mut self, line: &str) -> Value {
-        let mut answer = self.call("Runtime.evaluate", json!({ "expression": line, "awaitPromise": true, "returnByValue": true }));
+        let mut answer =
+            self.call("Runtime.evaluate", json!({ "expression": line, "awaitPromise": true, "returnByValue": true }));
         assert!(answer["exceptionDetails"].is_null(), "{line}: {answer}");
         answer["result"]["value"].take()
     }
@@ -79,14 +95,21 @@ impl Browser {
     pub fn until(&mut self, line: &str) {
         let began = Instant::now();
         while self.run(line) != true {
-            assert!(began.elapsed() < PATIENCE, "never true: {line}; the page: {}", self.run("document.body.innerText"));
+            assert!(
+                began.elapsed() < PATIENCE,
+                "never true: {line}; the page: {}",
+                self.run("document.body.innerText")
+            );
             std::thread::sleep(Duration::from_millis(50));
         }
     }
 
     /// Moves the mouse to a place of the page, with its left button: `mousePressed`, `mouseMoved` or `mouseReleased`.
     pub fn mouse(&mut self, what: &str, [x, y]: [f64; 2]) {
-        self.call("Input.dispatchMouseEvent", json!({ "type": what, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 }));
+        self.call(
+            "Input.dispatchMouseEvent",
+            json!({ "type": what, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 }),
+        );
     }
 }
 

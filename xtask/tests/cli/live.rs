@@ -33,7 +33,9 @@ fn ant() -> World {
 
 /// Steps once, by the page's own button, and waits for the picture.
 fn step(browser: &mut Browser) {
-    browser.run("(async () => { const { frame } = await now(); by('step').click(); while ((await now()).frame === frame); })()");
+    browser.run(
+        "(async () => { const { frame } = await now(); by('step').click(); while ((await now()).frame === frame); })()",
+    );
 }
 
 #[test]
@@ -68,7 +70,9 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     browser.until("by('pause').textContent === 'Play'");
     browser.run("asked.length = 0; by('reset').click()");
     browser.until("by('figures').textContent.startsWith('frame 0,')");
-    let middle = browser.run("[by('seen').offsetLeft + by('seen').clientWidth / 2, by('seen').offsetTop + by('seen').clientHeight / 2]");
+    let middle = browser.run(
+        "[by('seen').offsetLeft + by('seen').clientWidth / 2, by('seen').offsetTop + by('seen').clientHeight / 2]",
+    );
     let [x, y] = [0, 1].map(|k| middle[k].as_f64().expect("a place"));
     browser.mouse("mousePressed", [x, y]);
     browser.mouse("mouseMoved", [x + 120.0, y - 80.0]);
@@ -84,12 +88,17 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     step(&mut browser);
 
     let asked = browser.run("asked");
-    let asks: Vec<Ask> =
-        asked.as_array().expect("asks").iter().map(|ask| Ask::read(ask.as_str().expect("a text")).expect("an ask")).collect();
+    let asks: Vec<Ask> = asked
+        .as_array()
+        .expect("asks")
+        .iter()
+        .map(|ask| Ask::read(ask.as_str().expect("a text")).expect("an ask"))
+        .collect();
     assert!(asks.iter().any(|ask| matches!(ask, Ask::Drag(..))), "the mouse has hold of nothing: {asks:?}");
     let mut own = ant();
     own.answer(Ask::Ghost(true));
-    let plain = |shown: Shown| serde_json::from_str::<Value>(&serde_json::to_string(&shown).expect("a frame")).expect("JSON");
+    let plain =
+        |shown: Shown| serde_json::from_str::<Value>(&serde_json::to_string(&shown).expect("a frame")).expect("JSON");
     let still = plain(own.shown());
     asks.into_iter().for_each(|ask| own.answer(ask));
     let (shown, own) = (browser.run("now()"), plain(own.shown()));
@@ -107,9 +116,17 @@ fn the_page_shows_and_does_what_the_solvers_say() {
         browser.run("now()")["apart"].as_f64().expect("a distance")
     };
     let mean = (0..frames).map(|_| apart(&mut browser)).sum::<f64>() / frames as f64;
-    let ((system, scene), config) = (ground(), PassiveConfig { starts: 1, steps: frames, seed: SEED, action: Action::Limp });
+    let ((system, scene), config) =
+        (ground(), PassiveConfig { starts: 1, steps: frames, seed: SEED, action: Action::Limp });
     let solver = |spec: SolverSpec| spec.solver(&system, 1).expect("a solver");
-    let report = passive(&system, &scene, &mut *solver(SolverSpec::default()), &mut *solver(SolverSpec::implicit(1)), config, &mut |_| {});
+    let report = passive(
+        &system,
+        &scene,
+        &mut *solver(SolverSpec::default()),
+        &mut *solver(SolverSpec::implicit(1)),
+        config,
+        &mut |_| {},
+    );
     let error = report.expect("a rollout").error;
     let error = error.iter().sum::<f64>() / error.len() as f64;
     println!("mean distance over {frames} frames: {mean:e} on the page, {error:e} by `evaluate`");

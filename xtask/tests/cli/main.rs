@@ -42,7 +42,10 @@ fn refused(line: &str, paths: &[&Path], culprit: &str) {
     let run = output(line, paths);
     let error = String::from_utf8_lossy(&run.stderr);
     assert!(matches!(run.status.code(), Some(1 | 2)), "{line}: {error}");
-    assert!(error.trim_end().lines().count() == 1 && error.contains(culprit), "{line}: `{error}` is not one line that names {culprit}");
+    assert!(
+        error.trim_end().lines().count() == 1 && error.contains(culprit),
+        "{line}: `{error}` is not one line that names {culprit}"
+    );
 }
 
 struct Folder(tempfile::TempDir);

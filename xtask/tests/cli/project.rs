@@ -16,7 +16,8 @@ fn lists_have_what_can_be_named_and_json_the_same_rows() {
         ("rows", ["free fall", "ANYmal kp 2000"]),
     ] {
         let table = done(&format!("list {list}"), &[]).0;
-        let json: Value = serde_json::from_str(&done(&format!("list {list} --json"), &[]).0).expect("JSON and nothing else");
+        let json: Value =
+            serde_json::from_str(&done(&format!("list {list} --json"), &[]).0).expect("JSON and nothing else");
         let rows = json[list].as_array().expect("rows");
         assert_eq!(rows.len() + 2, table.trim().lines().count(), "{table}");
         for name in names {
@@ -62,7 +63,8 @@ fn a_changed_digit_is_found_and_mended() {
 fn every_key_of_a_robots_file_is_explained() {
     let page = text(root().join("docs/your-robot.md"));
     let sources = files(&root().join("nerd-sim/src"), ".rs");
-    let spec: String = sources.iter().filter(|p| p.ends_with("system/spec.rs") || p.ends_with("scene/spec.rs")).map(text).collect();
+    let spec: String =
+        sources.iter().filter(|p| p.ends_with("system/spec.rs") || p.ends_with("scene/spec.rs")).map(text).collect();
     let keys = spec.lines().filter_map(|line| line.strip_prefix("    pub ")?.split_once(": ")).map(|(key, _)| key);
     let keys: Vec<&str> = keys.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c == '_')).collect();
     assert!(keys.len() > 40, "only {} keys found: has the file's form changed?", keys.len());
@@ -73,7 +75,9 @@ fn every_key_of_a_robots_file_is_explained() {
             "boxes" => "box",
             _ => key,
         };
-        let named = [format!("`{key}`"), format!("`{key}."), format!("[{key}]"), format!(".{key}`")].iter().any(|form| page.contains(form));
+        let named = [format!("`{key}`"), format!("`{key}."), format!("[{key}]"), format!(".{key}`")]
+            .iter()
+            .any(|form| page.contains(form));
         assert!(named, "docs/your-robot.md does not explain `{key}`");
     }
 }
@@ -110,14 +114,21 @@ fn plain(code: &str) -> String {
 
 #[test]
 fn every_rust_block_of_readme_and_docs_is_in_an_example_that_compiles() {
-    let examples: Vec<String> =
-        files(root(), ".rs").iter().filter(|path| path.to_string_lossy().contains("examples")).map(|path| plain(&text(path))).collect();
+    let examples: Vec<String> = files(root(), ".rs")
+        .iter()
+        .filter(|path| path.to_string_lossy().contains("examples"))
+        .map(|path| plain(&text(path)))
+        .collect();
     let documents = [files(&root().join("docs"), ".md"), vec![root().join("README.md")]].concat();
     let mut blocks = 0;
     for document in &documents {
         for block in text(document).split("```rust\n").skip(1).filter_map(|rest| rest.split("```").next()) {
             blocks += 1;
-            assert!(examples.iter().any(|e| e.contains(&plain(block))), "{}: in no example:\n{block}", document.display());
+            assert!(
+                examples.iter().any(|e| e.contains(&plain(block))),
+                "{}: in no example:\n{block}",
+                document.display()
+            );
         }
     }
     assert!(blocks >= 4, "{blocks} blocks of Rust in {} documents: are they found at all?", documents.len());

@@ -24,7 +24,9 @@ fn bad_input_gets_one_line_and_no_file() {
     let out = folder.path("out");
     let place = |word: &str| match word {
         "OUT" => out.display().to_string(),
-        file if ["csv", "toml"].iter().any(|end| file.ends_with(end)) && !file.contains('/') => folder.path(file).display().to_string(),
+        file if ["csv", "toml"].iter().any(|end| file.ends_with(end)) && !file.contains('/') => {
+            folder.path(file).display().to_string()
+        }
         word => word.into(),
     };
     for (line, culprit) in LINES.lines().filter_map(|line| line.split_once(" => ")) {
@@ -53,9 +55,11 @@ fn wrong_usage_and_failures_have_codes_of_their_own() {
 #[test]
 fn old_names_are_read_with_one_line_that_names_the_new_ones() {
     let line = "evaluate --robot cartpole --frames 5 --solver articulated(settled)";
-    let [(old, told), (new, quiet)] = ["--starts", "--trajectories"].map(|count| crate::done(&format!("{line} {count} 2"), &[]));
+    let [(old, told), (new, quiet)] =
+        ["--starts", "--trajectories"].map(|count| crate::done(&format!("{line} {count} 2"), &[]));
     assert_eq!(old, new);
-    let notes = |text: &str| text.lines().filter(|line| line.starts_with("note: `--")).map(String::from).collect::<Vec<_>>();
+    let notes =
+        |text: &str| text.lines().filter(|line| line.starts_with("note: `--")).map(String::from).collect::<Vec<_>>();
     assert_eq!(notes(&told), ["note: `--starts` is `--trajectories`; old names are read for one version"]);
     assert!(notes(&quiet).is_empty() && quiet.contains("as `articulated accurate` to the bit"), "{quiet}");
     refused("policy evaluate --games 0", &[], "`--games` is `--episodes`");
@@ -88,7 +92,8 @@ fn paths_that_are_not_utf8_are_refused_at_the_start() {
     assert!(!odd.exists());
     // The program also runs inside a folder of such a name.
     std::fs::create_dir(&odd).expect("a folder");
-    let mut command = command("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run", &[]);
+    let mut command =
+        command("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run", &[]);
     let run = command.current_dir(&odd).output().expect("xtask starts");
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     assert!(odd.join("run/policy/policy.safetensors").exists());
@@ -107,8 +112,14 @@ fn files_of_a_users_own_are_not_replaced() {
     let policy = "models/policies/cartpole-swingup-neural-200";
     let rollout = format!("rollout --robot pendulum --frames 3 --states {} --out", states.display());
     for (line, names) in [
-        (TRAIN, "metrics.jsonl run.json sessions.jsonl last.safetensors best.safetensors model/README.md model/config.json"),
-        (POLICY, "metrics.jsonl run.json sessions.jsonl last.safetensors policy/README.md policy/policy.safetensors policy/task.toml"),
+        (
+            TRAIN,
+            "metrics.jsonl run.json sessions.jsonl last.safetensors best.safetensors model/README.md model/config.json",
+        ),
+        (
+            POLICY,
+            "metrics.jsonl run.json sessions.jsonl last.safetensors policy/README.md policy/policy.safetensors policy/task.toml",
+        ),
         ("dataset --robot pendulum --transitions 40 --frames 4 --out", "manifest.json shard-00000.safetensors"),
         (
             "evaluate --robot pendulum --solver rapier --trajectories 1 --frames 3 --out",
@@ -123,10 +134,15 @@ fn files_of_a_users_own_are_not_replaced() {
         for (k, name) in names.split(' ').enumerate() {
             let place = folder.path(&format!("{verb}-{k}"));
             std::fs::create_dir_all(place.join(name).parent().expect("a folder")).expect("folders");
-            let own: &[u8] = if name == "states.csv" { b"traj,step,q1,q2,qd1,qd2\n0,0,0.10,0.2,0,0\n0,1,0.10,0.2,0,0\n" } else { OWN };
+            let own: &[u8] = if name == "states.csv" {
+                b"traj,step,q1,q2,qd1,qd2\n0,0,0.10,0.2,0,0\n0,1,0.10,0.2,0,0\n"
+            } else {
+                OWN
+            };
             std::fs::write(place.join(name), own).expect("written");
-            let file =
-                [".csv", ".html", ".onnx", ".json"].iter().any(|end| name.ends_with(end)) && !line.contains("train") && !name.contains('/');
+            let file = [".csv", ".html", ".onnx", ".json"].iter().any(|end| name.ends_with(end))
+                && !line.contains("train")
+                && !name.contains('/');
             let file = file && !line.starts_with("dataset");
             let out = if file { place.join(name.replace(".json", ".onnx")) } else { place.clone() };
             refused(line, &[&out], name.split('/').next().unwrap_or_default());
@@ -136,7 +152,11 @@ fn files_of_a_users_own_are_not_replaced() {
         }
         let (_, first) = (names, names.split(' ').next().unwrap_or_default());
         let fresh = folder.path(&format!("{verb}-fresh"));
-        let out = if first.ends_with("csv") || first.ends_with("html") || first.ends_with("onnx") { fresh.join(first) } else { fresh };
+        let out = if first.ends_with("csv") || first.ends_with("html") || first.ends_with("onnx") {
+            fresh.join(first)
+        } else {
+            fresh
+        };
         crate::done(line, &[&out]);
         crate::done(line, &[&out]);
     }

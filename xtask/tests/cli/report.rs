@@ -18,7 +18,9 @@ fn the_page_opens_without_an_error_and_its_replays_move() {
     browser.until("document.readyState === 'complete'");
     let error = browser.run("document.querySelector('[data-error]')?.dataset.error");
     assert!(error.is_null(), "a script failed: {error}");
-    browser.until(&format!("[...document.querySelectorAll('[data-painted]')].filter(e => e.dataset.painted > 1).length === {replays}"));
+    browser.until(&format!(
+        "[...document.querySelectorAll('[data-painted]')].filter(e => e.dataset.painted > 1).length === {replays}"
+    ));
     let points = browser.run("document.querySelectorAll('circle').length");
     assert!(points.as_u64() > Some(50), "{points} points in all charts");
 }

@@ -46,11 +46,19 @@ fn a_model_of_rapier_is_measured_against_rapier_alone() {
     refused(&train("articulated"), &[&folder.path("other")], NAME);
     done(&train("rapier"), &[&out]);
     let model = format!("--model {}", out.join("model").display());
-    let evaluate = format!("evaluate --robot pendulum --scene ground1 --trajectories 2 --frames 5 --solver neural {model}");
+    let evaluate =
+        format!("evaluate --robot pendulum --scene ground1 --trajectories 2 --frames 5 --solver neural {model}");
     done(&format!("{evaluate} --out"), &[&table]);
     let row = &json(table.join("passive/result.json"))["rows"][0];
     assert_eq!((&row["truth"], &row["paper"]), (&NAME.into(), &serde_json::Value::Null), "{row}");
-    refused(&format!("{evaluate} --truth articulated"), &[], "`rapier 4 steps 4 iterations, own axes`, not `articulated accurate`");
-    done(&format!("chart --robot pendulum --scene ground1 --trajectories 1 --frames 2 --max-substeps 1 {model} --out"), &[&charts]);
+    refused(
+        &format!("{evaluate} --truth articulated"),
+        &[],
+        "`rapier 4 steps 4 iterations, own axes`, not `articulated accurate`",
+    );
+    done(
+        &format!("chart --robot pendulum --scene ground1 --trajectories 1 --frames 2 --max-substeps 1 {model} --out"),
+        &[&charts],
+    );
     assert!(charts.join("chart-pendulum-ground1/figure.svg").exists(), "no chart");
 }

@@ -6,8 +6,7 @@ use std::{path::Path, time::Duration};
 use crate::{Folder, bytes, command, done, json, refused, root, text};
 
 /// Trains a model in seconds; its folder follows.
-const TRAIN: &str =
-    "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
+const TRAIN: &str = "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
 const POLICY: &str = "policy train cartpole-swingup --envs 8 --horizon 16 --minibatch 64 --seed 3";
 
 /// Starts a run, waits until `far` holds, and kills the run.
@@ -31,7 +30,9 @@ fn a_model_is_trained_called_again_used_and_refused_to_others() {
     done(TRAIN, &[&out]);
     assert!(first == weights(), "a finished run that is called again changes nothing");
     refused(&TRAIN.replace("cartpole", "pendulum"), &[&out], "cartpole");
-    for (option, was) in [("--learning-rate 0.002", "0.001"), ("--hold 2", "`hold` was 1"), ("--frames 50", "`frames` was 100")] {
+    for (option, was) in
+        [("--learning-rate 0.002", "0.001"), ("--hold 2", "`hold` was 1"), ("--frames 50", "`frames` was 100")]
+    {
         refused(&TRAIN.replace("--out", &format!("{option} --out")), &[&out], was);
     }
     let model = out.join("model");
@@ -57,7 +58,9 @@ fn a_killed_run_is_finished_and_what_is_damaged_is_named() {
     let out = folder.path("run");
     let metrics = out.join("metrics.jsonl");
     let long = TRAIN.replace("--updates 6", "--updates 1000000");
-    killed(&long, &out, || std::fs::read_to_string(&metrics).is_ok_and(|lines| lines.matches("validation").count() > 1));
+    killed(&long, &out, || {
+        std::fs::read_to_string(&metrics).is_ok_and(|lines| lines.matches("validation").count() > 1)
+    });
     // With a line cut short, minutes are missing, but the model is not.
     let sessions = out.join("sessions.jsonl");
     let cut = std::fs::read_to_string(&sessions).unwrap_or_default() + "{\"first\": 6, \"la";
@@ -77,11 +80,15 @@ fn a_file_has_the_keys_of_the_options_which_override_it() {
     let folder = Folder::new();
     let settings = "robot = \"cartpole\"\nembedding = 48\nlayers = 2\nhead-width = 12\nvalidation-windows = 4096\nlog-every = 20\n\
                     transitions = 20000\nupdates = 600\nbatch = 16\nrollouts = 2\nvalidate-every = 3\n";
-    let (file, [first, second]) = (folder.write("my.toml", settings), ["first", "second"].map(|name| folder.path(name)));
+    let (file, [first, second]) =
+        (folder.write("my.toml", settings), ["first", "second"].map(|name| folder.path(name)));
     done(&format!("train {} --updates 6 --out", file.display()), &[&first]);
     done(TRAIN, &[&second]);
     let weights = |out: &Path| bytes(out.join("model/model.safetensors"));
-    assert!(weights(&first) == weights(&second), "the same settings, from a file and from options, led to other weights");
+    assert!(
+        weights(&first) == weights(&second),
+        "the same settings, from a file and from options, led to other weights"
+    );
     let stopped = done(&TRAIN.replace("--updates 6", "--updates 1000000 --minutes 0.0001"), &[&folder.path("third")]).1;
     assert!(stopped.contains("stopped at update"), "{stopped}");
 }
@@ -95,7 +102,12 @@ fn a_policy_is_trained_continued_played_and_shown() {
     train(&whole, 30);
     let again = done(&format!("{POLICY} --iterations 30 --json --out"), &[&whole]);
     let row = &serde_json::from_str::<serde_json::Value>(&again.0).expect("JSON")["policy"][0];
-    assert!(row["iterations"] == 30.0 && row["steps/s"].is_null() && again.1.contains("were done before; more --iterations"), "{again:?}");
+    assert!(
+        row["iterations"] == 30.0
+            && row["steps/s"].is_null()
+            && again.1.contains("were done before; more --iterations"),
+        "{again:?}"
+    );
     assert_eq!(text(whole.join("metrics.jsonl")).lines().count(), 30, "one line for each iteration");
     let card = text(whole.join("policy/README.md"));
     assert!(["commit", "command", "machine", "seed"].iter().all(|word| card.contains(word)), "{card}");
@@ -106,18 +118,28 @@ fn a_policy_is_trained_continued_played_and_shown() {
     assert!(json["provenance"]["commit"].is_string() && json["rows"][0]["real"]["mean"].as_f64().is_some(), "{json}");
     done(&format!("policy show --policy {} --out", policy.display()), &[&page]);
     let html = text(&page);
-    assert!(html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="), "a page that loads nothing");
+    assert!(
+        html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="),
+        "a page that loads nothing"
+    );
     let walker = folder.path("walker");
     let crawler = folder.path("crawler.urdf");
     std::fs::copy(root().join("nerd-sim/assets/ant.urdf"), &crawler).expect("copied");
     folder.write("crawler.toml", "like = \"urdf\"\nfloating = true\n");
-    let train = format!("policy train walk --robot {} --envs 2 --horizon 8 --minibatch 16 --iterations 1 --out", crawler.display());
+    let train = format!(
+        "policy train walk --robot {} --envs 2 --horizon 8 --minibatch 16 --iterations 1 --out",
+        crawler.display()
+    );
     done(&train, &[&walker]);
     refused("policy evaluate --policy", &[&walker.join("policy")], "models/crawler: there is no model: train one");
     let show = format!("policy show --policy {} --command", walker.join("policy").display());
     done(&format!("{show} vx=0.50,yaw_rate=-0.25,vy=0 --out"), &[&page]);
     let html = text(&page);
-    assert!(html.contains("walk-crawler in articulated, vx 0.5, vy 0, yaw_rate -0.25"), "{}", &html[..html.len().min(400)]);
+    assert!(
+        html.contains("walk-crawler in articulated, vx 0.5, vy 0, yaw_rate -0.25"),
+        "{}",
+        &html[..html.len().min(400)]
+    );
     refused(&format!("{show} speed=1 --out"), &[&page], "choose from vx, vy, yaw_rate");
     // The weights of the policy under another task's name.
     let config = text(policy.join("config.json"));
@@ -147,11 +169,17 @@ fn a_data_set_has_one_writer_at_a_time() {
 #[test]
 fn a_signal_ends_a_run_with_a_checkpoint_a_policy_and_its_own_code() {
     use std::time::Instant;
-    const POLICY: &str = "policy train cartpole-swingup --envs 16 --horizon 16 --iterations 1000000 --minibatch 64 --out";
+    const POLICY: &str =
+        "policy train cartpole-swingup --envs 16 --horizon 16 --iterations 1000000 --minibatch 64 --out";
     const MODEL: &str = "train --robot cartpole --recipe small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates \
                          10000000 --batch 16 --rollouts 2 --validate-every 3 --log-every 3 --out";
     for (line, signal, code, left) in [
-        (POLICY, "-INT", 130, &["last.safetensors", "policy/policy.safetensors", "policy/config.json", "sessions.jsonl"][..]),
+        (
+            POLICY,
+            "-INT",
+            130,
+            &["last.safetensors", "policy/policy.safetensors", "policy/config.json", "sessions.jsonl"][..],
+        ),
         (POLICY, "-TERM", 143, &["last.safetensors", "policy/policy.safetensors"]),
         (MODEL, "-TERM", 143, &["last.safetensors", "best.safetensors", "sessions.jsonl"]),
     ] {
@@ -160,15 +188,19 @@ fn a_signal_ends_a_run_with_a_checkpoint_a_policy_and_its_own_code() {
         // The second run continues from the first one's checkpoint.
         for _ in 0..2 {
             let seen = text_or_none(&out.join("metrics.jsonl"));
-            let mut run =
-                command(line, &[&out]).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().expect("starts");
+            let mut run = command(line, &[&out])
+                .stdout(std::process::Stdio::null())
+                .stderr(std::process::Stdio::piped())
+                .spawn()
+                .expect("starts");
             let begun = Instant::now();
             while text_or_none(&out.join("metrics.jsonl")).len() <= seen.len() {
                 assert!(begun.elapsed() < Duration::from_secs(120), "{line}: nothing was learned in two minutes");
                 std::thread::sleep(Duration::from_millis(20));
             }
             std::thread::sleep(Duration::from_millis(200));
-            let asked = std::process::Command::new("kill").args([signal, &run.id().to_string()]).status().expect("kill runs");
+            let asked =
+                std::process::Command::new("kill").args([signal, &run.id().to_string()]).status().expect("kill runs");
             let begun = Instant::now();
             let ended = run.wait().expect("ends");
             let mut said = String::new();
@@ -192,15 +224,24 @@ fn text_or_none(path: &Path) -> String {
 fn minutes_are_obeyed_while_anything_long_runs() {
     let folder = Folder::new();
     let task = |frames: u32| {
-        let text = format!("robot = \"ant\"\nsteps = 100\nframes = {frames}\nobservation = [\"q\", \"qd\"]\nreward = \"1\"\n");
+        let text =
+            format!("robot = \"ant\"\nsteps = 100\nframes = {frames}\nobservation = [\"q\", \"qd\"]\nreward = \"1\"\n");
         folder.write(&format!("task{frames}.toml"), text).display().to_string()
     };
-    refused(&format!("policy train {} --minutes 0.01 --out", task(1_000_000_000)), &[&folder.path("a")], "frames is 1000000000");
+    refused(
+        &format!("policy train {} --minutes 0.01 --out", task(1_000_000_000)),
+        &[&folder.path("a")],
+        "frames is 1000000000",
+    );
     let long = format!("policy train {} --envs 4 --horizon 1000 --minutes 0.01 --out", task(1000));
     let begun = std::time::Instant::now();
     refused(&long, &[&folder.path("b")], "stopped in the first iteration");
     let policy = begun.elapsed().as_secs_f64();
-    refused("train --robot ant --transitions 1000000 --minutes 0.01 --out", &[&folder.path("c")], "time was over while data was recorded");
+    refused(
+        "train --robot ant --transitions 1000000 --minutes 0.01 --out",
+        &[&folder.path("c")],
+        "time was over while data was recorded",
+    );
     let both = begun.elapsed().as_secs_f64();
     assert!(policy < 60.0 && both < 90.0, "after {policy:.0} s and {both:.0} s, 0.6 s and a few were asked for");
     assert!(!folder.path("b").exists() && !folder.path("c").exists());
@@ -212,7 +253,8 @@ fn minutes_are_obeyed_while_anything_long_runs() {
 #[test]
 fn threads_that_cannot_be_had_are_a_line() {
     let folder = Folder::new();
-    let line = format!("ulimit -v 1000000; exec {} {SMALL} {}", env!("CARGO_BIN_EXE_xtask"), folder.path("run").display());
+    let line =
+        format!("ulimit -v 1000000; exec {} {SMALL} {}", env!("CARGO_BIN_EXE_xtask"), folder.path("run").display());
     let run = std::process::Command::new("sh")
         .args(["-c", &line])
         .envs([("RAYON_NUM_THREADS", "2000"), ("RUST_MIN_STACK", "100000000")])

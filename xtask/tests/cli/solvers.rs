@@ -16,8 +16,8 @@ const TEXTS: [&str; 6] = [
     "neural(models/ant)",
 ];
 
-/// The Ant falls limp on its ground: bits of its state after 50 frames by command line, library (as Python and charts have it), suite and
-/// calibration.
+/// The Ant falls limp on its ground: bits of its state after 50 frames by command line, library (as Python and charts
+/// have it), suite and calibration.
 #[test]
 fn command_line_library_suite_and_calibration_step_alike_to_the_bit() {
     let (folder, system) = (Folder::new(), System::named("ant").expect("built in"));
@@ -39,7 +39,8 @@ fn command_line_library_suite_and_calibration_step_alike_to_the_bit() {
         let line = format!("rollout --robot ant --scene ground --frames {FRAMES} --solver {text} --states");
         done(&line, &[&states, "--out".as_ref(), &out]);
         let table = std::fs::read_to_string(&out).expect("a table");
-        let last: Vec<f64> = table.lines().last().expect("rows").split(',').skip(2).map(|x| x.parse().expect("a number")).collect();
+        let last: Vec<f64> =
+            table.lines().last().expect("rows").split(',').skip(2).map(|x| x.parse().expect("a number")).collect();
         let library = rolled(&mut *spec.solver(&system, 1).expect("a solver"));
         let mut all = vec![("library", library), ("suite", rolled(&mut *method(text, spec.clone()).solver(&system)))];
         if spec.folder().is_none() {

@@ -41,8 +41,8 @@ settings! {
         /// rollouts of half, once and twice --frames
         per_trajectory: Vec<String> = Vec::new(), Texts;
         /// With --per-trajectory: further parameters fitted to each trajectory, comma-separated, with a penalty on
-        /// leaving the shared value. Outside --parameters, the penalty is on leaving the described value. Its weight is chosen
-        /// within the training folds
+        /// leaving the shared value. Outside --parameters, the penalty is on leaving the described value. Its weight is
+        /// chosen within the training folds
         regularized: Vec<String> = Vec::new(), Texts;
         /// With --per-trajectory: first frames of a trajectory, to which its own parameters are fitted. Test
         /// rollouts start after them
@@ -105,7 +105,9 @@ fn readable(solver: &str) -> std::result::Result<(), String> {
 pub fn engine(spec: &SolverSpec, system: &System) -> Result<Engine> {
     Ok(match spec {
         SolverSpec::Rapier(own) => Engine::Rapier(own.config()),
-        own => Engine::Articulated(own.config(system).with_context(|| format!("--solver {spec}: choose from articulated, rapier"))?),
+        own => Engine::Articulated(
+            own.config(system).with_context(|| format!("--solver {spec}: choose from articulated, rapier"))?,
+        ),
     })
 }
 
@@ -125,10 +127,13 @@ impl Calibration {
         let parameters: Vec<Parameter> = match &self.parameters[..] {
             [] => {
                 let driven = if log.driven() { Parameter::driven(&log.system)? } else { Vec::new() };
-                let all = Parameter::usual(&log.system, &log.scene, solver.starts_with("rapier"))?.into_iter().chain(driven);
+                let all =
+                    Parameter::usual(&log.system, &log.scene, solver.starts_with("rapier"))?.into_iter().chain(driven);
                 all.filter(|p| !self.per_trajectory.contains(&p.name)).collect()
             }
-            names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
+            names => {
+                names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?
+            }
         };
         // Reports missing capabilities before any search.
         if let Some(reason) = refusal(&mut *subject.engine.solver(), &subject.system, &subject.scene) {
@@ -161,16 +166,21 @@ impl Calibration {
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
-            bail!("{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide");
+            bail!(
+                "{solver}: a rollout ends in no number; the log's numbers are too large, or a parameter's bounds too wide"
+            );
         }
         let solver = self.spec(solver)?.to_string();
-        let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
+        let parameters =
+            parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
         let by = if own.gradients { "slopes" } else { "search" }.into();
         Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
     pub fn all(&self) -> Result<CalibratedAll> {
-        let [path] = &self.log[..] else { bail!("--log: without --per-trajectory one log is fitted to, not {}", self.log.len()) };
+        let [path] = &self.log[..] else {
+            bail!("--log: without --per-trajectory one log is fitted to, not {}", self.log.len())
+        };
         let log = Log::read(path, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
         bounds::once("--parameters", &self.parameters)?;
@@ -184,7 +194,16 @@ impl Calibration {
         let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
         let modelled = self.modelled(&log, &parts)?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
-        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, modelled })
+        Ok(CalibratedAll {
+            settings: self.clone(),
+            robot,
+            notes: log.notes,
+            sizes,
+            still,
+            published: log.published,
+            fitted,
+            modelled,
+        })
     }
 }
 
@@ -260,8 +279,10 @@ impl Calibrated {
             let (profile, (name, _, unit), at) = (&self.profiles[k], &self.parameters[k], self.splits[0].fit.values[k]);
             let points: Vec<(f64, f64)> = profile.iter().map(|p| (p[0], p[1].min(1.5))).collect();
             let ends = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.1), b.max(p.1)));
-            let series =
-                vec![Series::new("objective", Style::Line, points), Series::new("fit", Style::Dashed, [(at, ends.0), (at, ends.1)])];
+            let series = vec![
+                Series::new("objective", Style::Line, points),
+                Series::new("fit", Style::Dashed, [(at, ends.0), (at, ends.1)]),
+            ];
             let label = if unit == "1" { name.clone() } else { format!("{name} ({unit})") };
             Panel { x: Axis::linear(label), y: Axis::linear(""), series, ..Panel::default() }
         };

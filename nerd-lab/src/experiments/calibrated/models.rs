@@ -37,7 +37,8 @@ impl<'a> Judged<'a> {
     fn new(log: &Log, folder: &'a Path) -> Result<Self> {
         let config = ModelConfig::read(folder)?;
         let own = if config.robot == log.system.name { log.system.clone() } else { System::named(&config.robot)? };
-        own.alike(&log.system).map_err(|e| anyhow::anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
+        own.alike(&log.system)
+            .map_err(|e| anyhow::anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
         let held_out = config.truth.starts_with(RECORDED).then(|| nerd_train::measured::Measured::named(&config));
         Ok(Self { folder, model: Model::load(folder, &own, None)?, own, held_out })
     }
@@ -53,11 +54,18 @@ impl Calibration {
     /// part.
     pub(super) fn modelled(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Modelled>> {
         let all = self.model.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
-        let mut rows: Vec<Vec<&Judged>> = all.iter().filter(|m| m.held_out.is_none()).map(|m| vec![m; parts.len()]).collect();
+        let mut rows: Vec<Vec<&Judged>> =
+            all.iter().filter(|m| m.held_out.is_none()).map(|m| vec![m; parts.len()]).collect();
         if let Some(first) = all.iter().find(|m| m.held_out.is_some()) {
             let of = |(k, part): (usize, &Parts)| {
                 let found = all.iter().find(|m| m.held_out.is_some() && m.fair(part));
-                found.ok_or_else(|| anyhow::anyhow!("--model {}: none held out what split {} is judged on", first.folder.display(), k + 1))
+                found.ok_or_else(|| {
+                    anyhow::anyhow!(
+                        "--model {}: none held out what split {} is judged on",
+                        first.folder.display(),
+                        k + 1
+                    )
+                })
             };
             rows.push(parts.iter().enumerate().map(of).collect::<Result<_>>()?);
         }
@@ -68,7 +76,9 @@ impl Calibration {
         let mut names: Vec<String> = models.iter().map(|m| shipped::from_root(m.folder)).collect();
         names.dedup();
         let name = match &names[..] {
-            [first, others @ ..] if !others.is_empty() => format!("{first} and {} more, each on its split", others.len()),
+            [first, others @ ..] if !others.is_empty() => {
+                format!("{first} and {} more, each on its split", others.len())
+            }
             _ => names.concat(),
         };
         let before = models.iter().map(|m| m.model.config.network.reach() - 1).max().unwrap_or(0);
@@ -101,7 +111,9 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
         let from = |k: &usize| -> Result<(&Trajectory, usize)> {
             let trial = &trials[*k];
             let begins = |t: &&Trajectory| t.id == trial.id && t.states.get(trial.first) == Some(&trial.start);
-            let Some(t) = log.trajectories.iter().find(begins) else { bail!("trajectory {}: not in the log any more", trial.id) };
+            let Some(t) = log.trajectories.iter().find(begins) else {
+                bail!("trajectory {}: not in the log any more", trial.id)
+            };
             Ok((t, trial.first - shown))
         };
         let from = group.iter().map(from).collect::<Result<Vec<_>>>()?;
@@ -120,7 +132,8 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
         pieces.compare(&mut recorder)?;
         for (piece, k) in group.into_iter().enumerate() {
             let pose = |states: &Vec<f64>| states[piece * d..][..nq].to_vec();
-            let motion: Vec<_> = [&pieces.states[shown]].into_iter().chain(&recorder.frames[shown..]).map(pose).collect();
+            let motion: Vec<_> =
+                [&pieces.states[shown]].into_iter().chain(&recorder.frames[shown..]).map(pose).collect();
             found[k] = distance(own, &motion, &trials[k].measured);
         }
     }

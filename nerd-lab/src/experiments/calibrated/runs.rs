@@ -65,9 +65,13 @@ impl Calibration {
 
     fn learned<'a>(&self, log: &'a Log, out: &[u64]) -> Result<Learned<'a>> {
         let (described, parameters) = self.subject(log, "articulated")?;
-        let own: Vec<Parameter> =
-            self.per_trajectory.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?;
-        let shared = described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
+        let own: Vec<Parameter> = self
+            .per_trajectory
+            .iter()
+            .map(|name| Parameter::named(&log.system, name))
+            .collect::<std::result::Result<_, _>>()?;
+        let shared =
+            described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
         let of = |name: &String| match parameters.iter().zip(&shared.values).find(|(p, _)| p.name == *name) {
             Some((p, value)) => Ok(p.near(*value, 0.0)),
             None => Parameter::named(&log.system, name),
@@ -104,7 +108,8 @@ impl Calibration {
             let mut trials = log.trials(frames + 1, self.every);
             trials.retain(|t| t.id == id && t.first >= self.context_frames);
             let still = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
-            let found = subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
+            let found =
+                subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
             // The mean distance includes the start, where the error is 0.
             let predicted = (frames + 1) as f64 / *frames as f64;
             Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect::<Vec<_>>())))
@@ -128,7 +133,13 @@ impl Calibration {
 
     /// Best penalty by fold, from the other folds: for each pair of folds, learned without both and tested on the other
     /// one.
-    fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], count: usize, progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
+    fn chosen(
+        &self,
+        logs: &[Log],
+        folds: &[Vec<Vec<u64>>],
+        count: usize,
+        progress: &mut dyn FnMut(),
+    ) -> Result<Vec<f64>> {
         let mut sums = vec![[0.0; WEIGHTS.len()]; count];
         for (log, folds) in logs.iter().zip(folds) {
             for (a, b) in (0..folds.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
@@ -141,8 +152,9 @@ impl Calibration {
                 progress();
             }
         }
-        let best =
-            |sums: &[f64; WEIGHTS.len()]| sums.iter().zip(WEIGHTS).min_by(|a, b| a.0.total_cmp(b.0)).map_or(0.0, |(_, weight)| weight);
+        let best = |sums: &[f64; WEIGHTS.len()]| {
+            sums.iter().zip(WEIGHTS).min_by(|a, b| a.0.total_cmp(b.0)).map_or(0.0, |(_, weight)| weight)
+        };
         Ok(sums.iter().map(best).collect())
     }
 
@@ -157,16 +169,27 @@ impl Calibration {
             bail!("--per-trajectory: `articulated` is fitted by gradients; --solver says nothing of that");
         }
         bounds::once("--per-trajectory and --regularized", &[&self.per_trajectory[..], &self.regularized].concat())?;
-        let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;
+        let logs = self
+            .log
+            .iter()
+            .map(|path| Log::read(path, self.data.as_deref()))
+            .collect::<std::result::Result<Vec<_>, _>>()?;
         let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
         notes.iter().for_each(|note| tell!("{note}"));
         if let Some(log) = logs.iter().find(|log| log.system.robot.floating() || log.system.robot.joint_count() == 0) {
-            bail!("--per-trajectory: `{}` has a free base or no joint; joints of a robot on a fixed base are compared", log.system.name);
+            bail!(
+                "--per-trajectory: `{}` has a free base or no joint; joints of a robot on a fixed base are compared",
+                log.system.name
+            );
         }
         let folds: Vec<Vec<Vec<u64>>> = logs.iter().map(|log| self.folds(log)).collect();
-        let (count, lengths) = (folds.iter().map(Vec::len).max().unwrap_or(0), [self.frames / 2, self.frames, 2 * self.frames]);
-        if let Some(log) =
-            logs.iter().zip(&folds).find(|(_, folds)| folds.len() < 2 + usize::from(!self.regularized.is_empty())).map(|(log, _)| log)
+        let (count, lengths) =
+            (folds.iter().map(Vec::len).max().unwrap_or(0), [self.frames / 2, self.frames, 2 * self.frames]);
+        if let Some(log) = logs
+            .iter()
+            .zip(&folds)
+            .find(|(_, folds)| folds.len() < 2 + usize::from(!self.regularized.is_empty()))
+            .map(|(log, _)| log)
         {
             bail!(
                 "--splits: `{}` has too few folds: what is learned without one, and with --regularized without two, needs \
@@ -174,7 +197,8 @@ impl Calibration {
                 log.system.name
             );
         }
-        let pairs = if self.regularized.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
+        let pairs =
+            if self.regularized.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
         let bar = bar("folds", (pairs + folds.iter().map(Vec::len).sum::<usize>()) as u64);
         let [own, near] = [&self.per_trajectory, &self.regularized].map(|names| names.join(", "));
         let mut methods: Vec<String> = ["no motion", "as described", "calibrated"].map(String::from).into();
@@ -191,14 +215,20 @@ impl Calibration {
                 let plain = described.fit(&parameters, &self.others(log, ids), self.config(1), &mut |_, _| ())?;
                 let plain = described.with(&parameters, &plain.values)?;
                 for &id in ids {
-                    let mut subjects = vec![None, Some(described.clone()), Some(plain.clone()), Some(self.told(&learned, id, None)?)];
+                    let mut subjects =
+                        vec![None, Some(described.clone()), Some(plain.clone()), Some(self.told(&learned, id, None)?)];
                     for weight in weights.get(fold).map_or_else(Vec::new, |weight| vec![0.0, *weight]) {
                         subjects.push(Some(self.told(&learned, id, Some(weight))?));
                     }
                     let found: Vec<Vec<(usize, f64)>> =
                         subjects.iter().map(|s| self.errors(log, id, s.as_ref(), &lengths)).collect::<Result<_>>()?;
                     let errors = found.iter().map(|row| row.iter().map(|x| x.1).collect()).collect();
-                    judged.push(Judged { log: stem(path), id, rollouts: found[0].iter().map(|x| x.0).collect(), errors });
+                    judged.push(Judged {
+                        log: stem(path),
+                        id,
+                        rollouts: found[0].iter().map(|x| x.0).collect(),
+                        errors,
+                    });
                 }
                 bar.add(1);
             }
@@ -206,7 +236,11 @@ impl Calibration {
         bar.finish();
         if let Some(run) = judged.iter().find(|run| !run.errors.iter().flatten().all(|e| e.is_finite())) {
             let length = lengths[2];
-            bail!("trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames", run.id, self.context_frames);
+            bail!(
+                "trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames",
+                run.id,
+                self.context_frames
+            );
         }
         Ok(Runs { settings: self.clone(), notes, methods, lengths: lengths.into(), weights, judged })
     }
@@ -232,24 +266,30 @@ impl Runs {
     /// replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
         let (all, mut rng) = (self.judged.iter().collect::<Vec<_>>(), stream(self.settings.seed, 1));
-        let sets: Vec<f64> =
-            (0..SETS).map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect::<Vec<_>>(), length)).collect();
+        let sets: Vec<f64> = (0..SETS)
+            .map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect::<Vec<_>>(), length))
+            .collect();
         [of(&all, length), percentile(sets.clone(), 0.025), percentile(sets, 0.975)]
     }
 
     pub(super) fn tables(&self) -> Vec<Table> {
-        let error =
-            |runs: &[&Judged], method: usize, length: usize| mean(&runs.iter().map(|r| r.errors[method][length]).collect::<Vec<_>>());
+        let error = |runs: &[&Judged], method: usize, length: usize| {
+            mean(&runs.iter().map(|r| r.errors[method][length]).collect::<Vec<_>>())
+        };
         let basis = BASIS + usize::from(self.methods.len() > BASIS + 2);
         let row = |method: usize| {
-            let errors = (0..self.lengths.len()).map(|length| listed(self.spread(length, |runs, l| error(runs, method, l))));
+            let errors =
+                (0..self.lengths.len()).map(|length| listed(self.spread(length, |runs, l| error(runs, method, l))));
             let gain = self.spread(1, |runs, l| 100.0 * (1.0 - error(runs, method, l) / error(runs, basis, l)));
             let gain = if method == basis { "-".into() } else { listed(gain) };
             [self.methods[method].clone()].into_iter().chain(errors).chain([gain]).collect()
         };
         let header = self.lengths.iter().map(|frames| format!("{frames} frames"));
-        let header: Vec<String> =
-            ["method".into()].into_iter().chain(header).chain([format!("below `{}` (%)", self.methods[basis])]).collect();
+        let header: Vec<String> = ["method".into()]
+            .into_iter()
+            .chain(header)
+            .chain([format!("below `{}` (%)", self.methods[basis])])
+            .collect();
         let settings = &self.settings;
         let errors = Table::new("errors", &header.iter().map(String::as_str).collect::<Vec<_>>())
             .with((0..self.methods.len()).map(row))

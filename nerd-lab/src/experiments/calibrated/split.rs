@@ -57,11 +57,16 @@ impl Parts {
         // With few trajectories at least one stays for testing.
         let first = (ids.len() * FITTED).div_ceil(100).min(ids.len().saturating_sub(1));
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
-        let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
+        let of =
+            |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
         judged.sort_unstable();
-        let parts =
-            Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
+        let parts = Self {
+            train: of(&ids[..first], trials),
+            judged: of(&judged, trials),
+            whole: of(&judged, &log.trials(0, 1)),
+            ids: judged,
+        };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(
@@ -99,7 +104,9 @@ impl Scored {
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
         let groups: Vec<Vec<Distance>> = by_id.into_values().collect();
         let mut rng = stream(seed, 1);
-        let drawn = |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>());
+        let drawn = |_| {
+            mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>())
+        };
         let sets: Vec<Distance> = (0..SETS).map(drawn).collect();
         let end = |share: f64| {
             let of = |field: fn(&Distance) -> f64| percentile(sets.iter().map(field).collect(), share);

@@ -20,7 +20,12 @@ impl CalibratedAll {
         }));
         for solver in &self.fitted {
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
-            rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
+            rows.push(line(
+                &format!("{}, as described", solver.solver),
+                joints,
+                &of(|s| &s.before),
+                Some(&of(|s| &s.whole_before)),
+            ));
             rows.push(line(
                 &format!("{}, calibrated by {}", solver.solver, solver.by),
                 joints,
@@ -56,12 +61,21 @@ impl CalibratedAll {
     pub(super) fn fits(&self) -> Table {
         let line = |solver: &Calibrated, k: usize, split: &Split| {
             let (fit, apart) = (&split.fit, &split.after.mean);
-            let figures =
-                [digits(fit.evaluations), digits(fit.seconds), digits(fit.objective), digits(apart.position), digits(apart.rotation)];
+            let figures = [
+                digits(fit.evaluations),
+                digits(fit.seconds),
+                digits(fit.objective),
+                digits(apart.position),
+                digits(apart.rotation),
+            ];
             [solver.solver.clone(), solver.by.clone(), k.to_string()].into_iter().chain(figures).collect()
         };
-        let rows = self.fitted.iter().flat_map(|solver| solver.splits.iter().enumerate().map(move |(k, split)| line(solver, k + 1, split)));
-        let header = ["solver", "by", "split", "evaluations", "wall clock (s)", "objective", "position (m)", "rotation (rad)"];
+        let rows = self
+            .fitted
+            .iter()
+            .flat_map(|solver| solver.splits.iter().enumerate().map(move |(k, split)| line(solver, k + 1, split)));
+        let header =
+            ["solver", "by", "split", "evaluations", "wall clock (s)", "objective", "position (m)", "rotation (rad)"];
         Table::new("fits", &header).with(rows).noted(&format!(
             "Evaluations of the objective over {} rollouts of the fitted part; one over fewer or shorter ones counts as its share, a round's \
              slopes ten. Objective: mean distances there, in units of those as described. Position and rotation: on the judged part.",
@@ -122,7 +136,8 @@ fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
 
 fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>) -> Vec<String> {
     let of = |splits: &[&Scored], field: fn(&Distance) -> f64| {
-        let mean = |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
+        let mean =
+            |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
         [mean(|s| &s.mean), mean(|s| &s.low), mean(|s| &s.high)]
     };
     let mut row = vec![name.to_string(), listed(of(splits, |g| g.position)), listed(of(splits, |g| g.rotation))];

@@ -10,7 +10,10 @@ use crate::mujoco::{Referee, Scheme};
 use crate::{prelude::*, roll::begun};
 use nerd_train::{cost::powers, provenance::card_memory};
 
-pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, environments, .. }: &Plan) -> Result<Referee> {
+pub(super) fn referee(
+    python: &Path,
+    Plan { system, scene, protocol: config, environments, .. }: &Plan,
+) -> Result<Referee> {
     let begun = begun(system, scene, config.starts, Start::Reset, config.seed);
     Referee::held(python, &begun, config.steps, config.held(system).as_ref(), *environments)
 }
@@ -19,16 +22,27 @@ pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, env
 pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
     let schemes: &[(Scheme, &str, usize)] = match (contact, card) {
         (_, true) => &[(Scheme::ImplicitFast, "MuJoCo Warp (against itself)", most)],
-        (true, _) => {
-            &[(Scheme::Euler, "MuJoCo Euler (against itself)", most), (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most)]
-        }
-        _ => &[(Scheme::Euler, "MuJoCo Euler", most), (Scheme::ImplicitFast, "MuJoCo implicitfast", most), (Scheme::Rk4, "MuJoCo RK4", 32)],
+        (true, _) => &[
+            (Scheme::Euler, "MuJoCo Euler (against itself)", most),
+            (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most),
+        ],
+        _ => &[
+            (Scheme::Euler, "MuJoCo Euler", most),
+            (Scheme::ImplicitFast, "MuJoCo implicitfast", most),
+            (Scheme::Rk4, "MuJoCo RK4", 32),
+        ],
     };
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
 /// Points at powers of two of substeps; `truth` holds the frames of our reference, named `reference`.
-pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
+pub(super) fn points(
+    mujoco: &mut Referee,
+    plan: &Plan,
+    most: usize,
+    truth: &[Vec<f64>],
+    reference: &str,
+) -> Result<(Vec<Point>, Against)> {
     let (config, card) = (plan.protocol, plan.environments.is_some());
     let own = plan.contact() || card;
     let errors = |truth: &[Vec<f64>], frames: &[Vec<f64>]| -> Result<PassiveReport> {
@@ -56,7 +70,10 @@ pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Ve
             continue;
         };
         let memory = plan.environments.and_then(|_| card_memory(mujoco.process()));
-        points.push(Point::new(name.into(), None, Some(substeps), seconds * 1e6 / (each * config.steps) as f64, report, own).with(memory));
+        points.push(
+            Point::new(name.into(), None, Some(substeps), seconds * 1e6 / (each * config.steps) as f64, report, own)
+                .with(memory),
+        );
     }
     bar.finish();
     Ok((points, against))

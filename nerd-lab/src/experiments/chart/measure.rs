@@ -31,11 +31,13 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         bar.say(&method.spec.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
         let theirs = theirs.as_ref().unwrap_or(&truth);
-        let compare = |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
+        let compare =
+            |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
         for (series, found) in each(plan, method, &compare) {
             let point = found.and_then(|(report, microseconds, memory)| {
                 let Method { spec, own, .. } = method;
-                let point = Point::new(series, Some(spec.clone()), spec.asked(), microseconds, report, own.is_some()).with(memory);
+                let point = Point::new(series, Some(spec.clone()), spec.asked(), microseconds, report, own.is_some())
+                    .with(memory);
                 bounds::figures("its mean error", &[point.error])?;
                 Ok(point)
             });

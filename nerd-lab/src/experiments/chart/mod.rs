@@ -22,8 +22,10 @@ impl Experiment for Chart {
     fn about(&self) -> Result<About> {
         let plan = self.plan()?;
         let Plan { system, scene, methods, .. } = &plan;
-        let guests =
-            self.mujoco.as_ref().map_or(0, |_| guest::settings(plan.contact(), plan.environments.is_some(), self.max_substeps).len());
+        let guests = self
+            .mujoco
+            .as_ref()
+            .map_or(0, |_| guest::settings(plan.contact(), plan.environments.is_some(), self.max_substeps).len());
         // One setting of each solver suffices: a change of the solver shows in each.
         let mut inputs = Inputs(vec![Input::robot(system)]);
         for (k, method) in methods.iter().enumerate() {

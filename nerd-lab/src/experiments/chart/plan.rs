@@ -82,11 +82,15 @@ impl Chart {
         settings.push(truth.into());
         // Only `articulated` has kernels or drives.
         settings.retain(|setting| {
-            !card && action == Action::Limp || setting.config(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
+            !card && action == Action::Limp
+                || setting.config(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
         });
-        let methods = settings.into_iter().chain(models.into_iter().map(SolverSpec::neural)).map(|spec| Method::new(spec, truth));
+        let methods =
+            settings.into_iter().chain(models.into_iter().map(SolverSpec::neural)).map(|spec| Method::new(spec, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
-        if let Some(Err(reason)) = SolverSpec::from(truth).config(&system).filter(|_| card).map(|config| has_kernels(&config)) {
+        if let Some(Err(reason)) =
+            SolverSpec::from(truth).config(&system).filter(|_| card).map(|config| has_kernels(&config))
+        {
             refused.push(format!("the truth, {}: left out, {reason}", truth.name()));
         }
         for method in methods.collect::<Result<Vec<Method>>>()? {

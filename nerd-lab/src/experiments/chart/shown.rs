@@ -66,7 +66,18 @@ impl Point {
         own: bool,
     ) -> Self {
         let (error, diverged) = (mean(&report.error), report.diverged);
-        Self { series, spec, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own, memory: None }
+        Self {
+            series,
+            spec,
+            substeps,
+            microseconds,
+            error,
+            by_coordinate: report.error,
+            diverged,
+            front: false,
+            own,
+            memory: None,
+        }
     }
 
     pub fn with(self, memory: Option<f64>) -> Self {
@@ -85,7 +96,8 @@ impl ChartData {
     fn times(&self, p: &Point) -> Option<f64> {
         let mut ours: Vec<&Point> = self.points.iter().filter(|p| p.front).collect();
         ours.sort_by(|a, b| a.error.total_cmp(&b.error));
-        let k = ours.windows(2).position(|pair| (pair[0].error..=pair[1].error).contains(&p.error)).filter(|_| p.own)?;
+        let k =
+            ours.windows(2).position(|pair| (pair[0].error..=pair[1].error).contains(&p.error)).filter(|_| p.own)?;
         let [(x, low), (y, high)] = [ours[k], ours[k + 1]].map(|p| (p.error.ln(), p.microseconds.ln()));
         Some(p.microseconds / (low + (p.error.ln() - x) / (y - x) * (high - low)).exp())
     }
@@ -106,13 +118,27 @@ impl ChartData {
             }
             row
         });
-        let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front", "frames/s", "MiB", "times ours"];
+        let header = [
+            "solver",
+            "substeps",
+            "us a frame",
+            "error (rad or m)",
+            "diverged",
+            "front",
+            "frames/s",
+            "MiB",
+            "times ours",
+        ];
         let header = &header[..if card { 9 } else { 6 }];
         let Self { robot, scene, protocol, reference, .. } = self;
-        let mut note = format!("{robot} {scene}, mean |dq| over {} frames{}, reference: {reference}", protocol.steps, protocol.action);
+        let mut note = format!(
+            "{robot} {scene}, mean |dq| over {} frames{}, reference: {reference}",
+            protocol.steps, protocol.action
+        );
         if let Some(n) = self.environments {
-            note +=
-                &format!("; us: of {n} environments together on a GPU, with 32 bits where no other arithmetic is named, transfers counted");
+            note += &format!(
+                "; us: of {n} environments together on a GPU, with 32 bits where no other arithmetic is named, transfers counted"
+            );
         }
         if let Some(Against { version, reference, reference_error }) = &self.mujoco {
             let error = reference_error.map_or_else(String::new, |e| format!(", whose own error is {}", digits(e)));
@@ -124,13 +150,26 @@ impl ChartData {
     pub fn figure(&self) -> Figure {
         // Solvers worse than repeating the start are in the table; they would flatten the figure.
         let shown = self.points.iter().filter(|p| p.error < 2.0 * self.hold);
-        let marks = shown.map(|p| Mark { series: &p.series, cost: p.microseconds, error: p.error, label: p.word(), front: p.front });
+        let marks = shown.map(|p| Mark {
+            series: &p.series,
+            cost: p.microseconds,
+            error: p.error,
+            label: p.word(),
+            front: p.front,
+        });
         // A reference far below every solver would only stretch the figure.
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];
-        levels.extend((self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())));
-        let of = self.environments.map_or_else(|| "one environment, one core".into(), |n| format!("one environment of {n} on a GPU"));
-        let axes = [format!("microseconds a frame, {of}"), format!("mean |dq| over {} frames (rad or m)", self.protocol.steps)];
+        levels.extend(
+            (self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())),
+        );
+        let of = self
+            .environments
+            .map_or_else(|| "one environment, one core".into(), |n| format!("one environment of {n} on a GPU"));
+        let axes = [
+            format!("microseconds a frame, {of}"),
+            format!("mean |dq| over {} frames (rad or m)", self.protocol.steps),
+        ];
         let title = format!("{}, {}: speed against accuracy (x4: four substeps a frame)", self.robot, self.scene);
         Figure::speed(title, axes, marks, levels)
     }

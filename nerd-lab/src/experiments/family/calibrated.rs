@@ -58,7 +58,8 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
 
 /// Frames seen of the k-th robot, cut into rollouts.
 fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
-    let (d, nq, joints) = (pieces.system.robot.state_dim(), pieces.system.robot.nq(), pieces.system.robot.joint_count());
+    let (d, nq, joints) =
+        (pieces.system.robot.state_dim(), pieces.system.robot.nq(), pieces.system.robot.joint_count());
     let state = |frame: usize| &pieces.states[frame][k * d..(k + 1) * d];
     let torques = |frame: usize| pieces.torques[frame][k * joints..(k + 1) * joints].to_vec();
     let trial = |first: usize| {

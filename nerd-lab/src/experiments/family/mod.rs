@@ -75,7 +75,9 @@ impl Family {
 
     /// The robot that a family extends; for a family from a file, a file beside it comes first.
     fn beside(&self, name: &str) -> Result<Arc<System>> {
-        let file = Path::new(&self.robot).extension().map(|kind| Path::new(&self.robot).with_file_name(name).with_extension(kind));
+        let file = Path::new(&self.robot)
+            .extension()
+            .map(|kind| Path::new(&self.robot).with_file_name(name).with_extension(kind));
         Ok(System::named(file.filter(|file| file.exists()).as_deref().and_then(Path::to_str).unwrap_or(name))?)
     }
 
@@ -105,7 +107,13 @@ impl Family {
             let report = |seen: &usize| pieces.seen(*seen).compare(&mut timed).map(Some);
             let reports = self.context_frames.iter().map(report).collect::<Result<Vec<_>, _>>()?;
             bar.add(1);
-            Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(timed.spent), seconds: None })
+            Ok(Row {
+                of,
+                model: model.map(shipped::from_root),
+                reports,
+                microseconds: self.pace(timed.spent),
+                seconds: None,
+            })
         };
         let analytic = || system.spec.truth.solver(&system);
         let mut rows = vec![
@@ -125,7 +133,9 @@ impl Family {
                 (pieces.clone(), system.clone())
             } else {
                 let like = self.beside(&config.robot)?;
-                system.alike(&like).map_err(|e| anyhow::anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
+                system
+                    .alike(&like)
+                    .map_err(|e| anyhow::anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
                 (Pieces { system: like.clone(), ..pieces.described() }, like)
             };
             let solver = self.device.neural(folder, &like, None, pieces.count())?;
@@ -134,7 +144,11 @@ impl Family {
                 (true, true) => "told",
                 (true, false) => "guessed",
             };
-            let of = format!("NeRD {kind}, sees {} frames, {:.2} M", config.network.reach(), config.network.parameters() as f64 / 1e6);
+            let of = format!(
+                "NeRD {kind}, sees {} frames, {:.2} M",
+                config.network.reach(),
+                config.network.parameters() as f64 / 1e6
+            );
             rows.push(row(of, Some(folder), &pieces, solver)?);
         }
         bar.finish();
@@ -149,7 +163,8 @@ impl Family {
 
     /// The analytic solver, calibrated anew for each number of frames seen.
     fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
-        let (mut reports, mut seconds, mut timed) = (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
+        let (mut reports, mut seconds, mut timed) =
+            (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
         for seen in &self.context_frames {
             let begun = Instant::now();
             let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
@@ -200,7 +215,8 @@ impl Family {
             Series::new(row.of.clone(), Style::Line, self.context_frames.iter().enumerate().filter_map(point))
         };
         let series = rows.iter().map(line).collect();
-        let panel = Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };
+        let panel =
+            Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };
         Figure::single(format!("{}: error by frames seen", self.robot), panel)
     }
 }

@@ -62,19 +62,33 @@ impl Motions {
 
     /// What is compared with the reference, beside two predictors that know no dynamics.
     fn settings(&self) -> Vec<SolverSpec> {
-        powers(self.max_substeps).map(SolverSpec::implicit).chain(self.model.iter().cloned().map(SolverSpec::neural)).collect()
+        powers(self.max_substeps)
+            .map(SolverSpec::implicit)
+            .chain(self.model.iter().cloned().map(SolverSpec::neural))
+            .collect()
     }
 
     pub fn errors(&self) -> Result<MotionErrors> {
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
-            bail!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
+            bail!(
+                "--robot {}: it has no contact point whose place could be measured; give it [[contact]] points",
+                self.robot
+            );
         }
         let (settings, finest) = (self.settings(), 4 * self.max_substeps);
-        bounds::memory(&[("--trajectories", self.trajectories), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
-        bounds::time(&[("--trajectories", self.trajectories), ("--frames", self.frames), ("4 x --max-substeps", finest)])?;
+        bounds::memory(
+            &[("--trajectories", self.trajectories), ("--frames", self.frames)],
+            64 * system.robot.state_dim(),
+        )?;
+        bounds::time(&[
+            ("--trajectories", self.trajectories),
+            ("--frames", self.frames),
+            ("4 x --max-substeps", finest),
+        ])?;
         // A model of another robot is refused before the reference is made.
-        let solvers = settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
+        let solvers =
+            settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
         let bar = progress::bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         let recorded = self.record(&system, finest)?;
@@ -88,24 +102,34 @@ impl Motions {
                 };
                 rows.push(Row::new(&series, Some(setting), recorded.roll_out(solver)?, &recorded)?);
             }
-            let floors: [(&str, Box<dyn Solver>); 2] = [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
+            let floors: [(&str, Box<dyn Solver>); 2] =
+                [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
             for (name, floor) in floors {
                 rows.push(Row::new(name, None, recorded.roll_out(floor)?, &recorded)?);
             }
             Ok::<_, Error>(rows)
         })?;
         bar.finish();
-        Ok(MotionErrors { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })
+        Ok(MotionErrors {
+            robot: system.name.clone(),
+            reference: format!("articulated, implicit, {finest} substeps"),
+            rows,
+        })
     }
 
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
         let (starts, frames) = (self.trajectories, self.frames);
-        let config = GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };
+        let config =
+            GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };
         // One by one: a batch of a few motions would keep a core or two busy.
-        let one = |env: usize| Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?);
+        let one = |env: usize| {
+            Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?)
+        };
         let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
         let (d, mut data) = (system.robot.state_dim(), Data::new(&system.robot));
-        let mut points = |frame: usize, own: &Recording| contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data);
+        let mut points = |frame: usize, own: &Recording| {
+            contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data)
+        };
         Ok(Recorded {
             start: begin(system, &config, 0, starts)?,
             torques: recordings.iter().flat_map(|own| own.torques.iter().copied()).collect(),
@@ -121,7 +145,14 @@ impl Row {
         let (curve, motions) = distances(&rollout.points, &recorded.points, &rollout.failed, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
         let (lost, substeps) = (rollout.failed.len() - motions.len(), setting.and_then(SolverSpec::asked));
-        Ok(Self { series: series.into(), substeps, microseconds: setting.map(|_| rollout.microseconds), curve, motions, lost })
+        Ok(Self {
+            series: series.into(),
+            substeps,
+            microseconds: setting.map(|_| rollout.microseconds),
+            curve,
+            motions,
+            lost,
+        })
     }
 }
 
@@ -129,7 +160,8 @@ impl Experiment for Motions {
     fn about(&self) -> Result<About> {
         let system = System::named(&self.robot)?;
         let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
-        let mut inputs = Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &SolverSpec::implicit(4))?]);
+        let mut inputs =
+            Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &SolverSpec::implicit(4))?]);
         self.model.iter().try_for_each(|model| Input::model(model).map(|model| inputs.add(model)))?;
         let effort = ((self.settings().len() + 2) * self.trajectories * self.frames) as f64;
         Ok(About { name: self.name(), seed: self.seed, effort, inputs })

@@ -59,7 +59,10 @@ impl Recorded {
     /// Torques of all motions in a frame.
     fn torques_of(&self, frame: usize) -> Vec<f64> {
         let joints = self.start.system.robot.joint_count();
-        (0..self.start.len()).flat_map(|env| &self.torques[(env * self.frames + frame) * joints..][..joints]).copied().collect()
+        (0..self.start.len())
+            .flat_map(|env| &self.torques[(env * self.frames + frame) * joints..][..joints])
+            .copied()
+            .collect()
     }
 }
 

@@ -29,8 +29,11 @@ impl Motions {
             data.robot, self.frames, self.trajectories, data.reference
         );
         let lost: usize = data.rows.iter().map(|row| row.lost).sum();
-        let left =
-            if lost > 0 { format!(" {lost} were lost by some solver, and are in no other figure of its row.") } else { String::new() };
+        let left = if lost > 0 {
+            format!(" {lost} were lost by some solver, and are in no other figure of its row.")
+        } else {
+            String::new()
+        };
         Table::new(&self.name(), &header).with(rows).noted(&(note + &left))
     }
 

@@ -82,8 +82,11 @@ impl Case {
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
             let mut asked = asked.clone();
             // rapier as a truth costs a hundred times as much as ours.
-            asked.trajectories =
-                if ModelConfig::truth_of(&folder)? == Truth::Rapier { asked.trajectories.div_ceil(4) } else { asked.trajectories };
+            asked.trajectories = if ModelConfig::truth_of(&folder)? == Truth::Rapier {
+                asked.trajectories.div_ceil(4)
+            } else {
+                asked.trajectories
+            };
             // Franka holds still without torques, so its model is tested under random ones.
             asked.torque_scale = if robot.starts_with("franka") { 1.0 } else { asked.torque_scale };
             Ok(Self { robot, solver: SolverSpec::neural(folder).on(device), truth: None, asked })
@@ -113,8 +116,17 @@ impl Passive {
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            let Protocol { trajectories: starts, frames, seed, torque_scale, context_frames, every, beside, evaluations, .. } =
-                case.asked.clone();
+            let Protocol {
+                trajectories: starts,
+                frames,
+                seed,
+                torque_scale,
+                context_frames,
+                every,
+                beside,
+                evaluations,
+                ..
+            } = case.asked.clone();
             let evaluated = evaluations != Protocol::default().evaluations;
             let idle = [
                 ("--context-frames", context_frames.is_some()),
@@ -143,7 +155,14 @@ impl Passive {
             let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
             for scene in found {
                 check(case, truth, &system, &scene, steps)?;
-                asked.push(Asked { case: case.clone(), system: system.clone(), scene, truth, method: method.clone(), protocol });
+                asked.push(Asked {
+                    case: case.clone(),
+                    system: system.clone(),
+                    scene,
+                    truth,
+                    method: method.clone(),
+                    protocol,
+                });
             }
         }
         Ok(Self { name: name.into(), seed: cases.first().map_or(0, |case| case.asked.seed), asked })
@@ -211,7 +230,17 @@ impl Asked {
         // The paper's errors are against the reference simulator, so they appear beside that truth only.
         let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper);
         let model = case.solver.folder().map(shipped::from_root);
-        Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper, verdict: None })
+        Ok(Row {
+            robot,
+            method: method.clone(),
+            model,
+            scene,
+            truth: truth.name(),
+            protocol: *protocol,
+            report,
+            paper,
+            verdict: None,
+        })
     }
 
     /// The model's verdict against its own truth; `None` for perturbed solvers and other truths.
@@ -245,6 +274,9 @@ impl Experiment for Passive {
 
     fn measure(&self) -> Result<Measured> {
         let rows = self.rows()?;
-        Measured::new(&rows, [Some(rows.table()), Some(rows.summary()), rows.verdicts()].into_iter().flatten().collect())
+        Measured::new(
+            &rows,
+            [Some(rows.table()), Some(rows.summary()), rows.verdicts()].into_iter().flatten().collect(),
+        )
     }
 }

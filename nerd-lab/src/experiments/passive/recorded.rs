@@ -41,7 +41,9 @@ impl Recorded {
             bail!("--device cuda needs a build with `--features cuda`");
         }
         let usual = Protocol::default();
-        let Some(path) = Log::path(path) else { bail!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display()) };
+        let Some(path) = Log::path(path) else {
+            bail!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display())
+        };
         let idle = [
             ("--scene", !asked.scene.is_empty()),
             ("--torque-scale", asked.torque_scale != usual.torque_scale),
@@ -50,7 +52,10 @@ impl Recorded {
             ("--verdict", asked.verdict != usual.verdict),
         ];
         unused(&idle, "beside --data, whose motion was recorded")?;
-        unused(&[("--every", asked.every.is_some() && asked.beside.is_some())], "with --beside, which has starts of its own")?;
+        unused(
+            &[("--every", asked.every.is_some() && asked.beside.is_some())],
+            "with --beside, which has starts of its own",
+        )?;
         let (_, system) = nerd_sim::log::specified(&path)?;
         let model = Model::load(folder, &system, None)?;
         let log = Log::of(&path, &model)?;
@@ -70,9 +75,13 @@ impl Recorded {
         let usual = log.rollouts(&log.held_out, &model.config.network, 1)?;
         let (before, frames) = (asked.context_frames.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
         let (pieces, beside) = match &asked.beside {
-            None => (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.trajectories)?, None),
+            None => {
+                (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.trajectories)?, None)
+            }
             Some(path) => {
-                let Some(path) = Log::path(path) else { bail!("--beside {}: name the TOML of a log, or its folder", path.display()) };
+                let Some(path) = Log::path(path) else {
+                    bail!("--beside {}: name the TOML of a log, or its folder", path.display())
+                };
                 let other = nerd_sim::log::Log::read(&path, None)?;
                 let (pieces, states) = log.beside(&other, before, asked.frames, asked.trajectories)?;
                 let of = other.about.unwrap_or_else(|| Log::name(&path));
@@ -102,7 +111,8 @@ impl Recorded {
         begun.states.copy_from_slice(&pieces.states[pieces.before]);
         let row = |(precision, word): &(_, &str)| {
             let (n, frames) = (TOGETHER, pieces.frames());
-            let (report, microseconds, _) = card::timed(&begun, &setting, *precision, [n, frames], None, &|solver| pieces.compare(solver))?;
+            let (report, microseconds, _) =
+                card::timed(&begun, &setting, *precision, [n, frames], None, &|solver| pieces.compare(solver))?;
             let errors = nerd_train::evaluate::summary(system, &report.error);
             Ok(Row { of: format!("model on a GPU{word}"), errors, microseconds, diverged: report.diverged })
         };
@@ -113,7 +123,12 @@ impl Recorded {
     pub fn tables(&self, Found { verdict, card }: &Found) -> Vec<Table> {
         let line = |row: &Row| {
             let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
-            vec![row.of.clone() + &lost, pair(&row.errors), digits(row.microseconds), format!("{:.3e}", 1e6 / row.microseconds)]
+            vec![
+                row.of.clone() + &lost,
+                pair(&row.errors),
+                digits(row.microseconds),
+                format!("{:.3e}", 1e6 / row.microseconds),
+            ]
         };
         let header = ["arithmetic", "error", "us a frame, among many", "frames/s"];
         let card = (!card.is_empty()).then(|| Table::new("card", &header).with(card.iter().map(line)));

@@ -86,7 +86,9 @@ impl Rows {
         if rows.is_empty() {
             rows = self.rows.iter().collect();
         }
-        let same = |a: &Row, b: &Row| (&a.robot, &a.method, &a.truth) == (&b.robot, &b.method, &b.truth) && a.touches() == b.touches();
+        let same = |a: &Row, b: &Row| {
+            (&a.robot, &a.method, &a.truth) == (&b.robot, &b.method, &b.truth) && a.touches() == b.touches()
+        };
         let lines = rows.chunk_by(|a, b| same(a, b)).filter_map(|grounds| {
             let r = *grounds.iter().max_by(|a, b| mean(&a.report.error).total_cmp(&mean(&b.report.error)))?;
             let n = grounds.len();
@@ -102,8 +104,11 @@ impl Rows {
             ])
         });
         let lines: Vec<_> = lines.collect();
-        Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last", "what it is worth"])
-            .with(lines)
+        Table::new(
+            "summary",
+            &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last", "what it is worth"],
+        )
+        .with(lines)
     }
 
     /// Error over frames, a line for each of the robot's rows; `None` if there are none.
@@ -125,7 +130,10 @@ impl Rows {
         let (most, row) = *apart.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
         let near = apart.iter().filter(|(by, _)| *by <= 3.0).count();
         let where_ = format!("{} in {}", row.whose(), row.scene);
-        Some(format!("{near} of {} errors within three standard errors, the farthest {most:.1} ({where_})", apart.len()))
+        Some(format!(
+            "{near} of {} errors within three standard errors, the farthest {most:.1} ({where_})",
+            apart.len()
+        ))
     }
 }
 
@@ -133,7 +141,14 @@ impl Row {
     /// Whether both rows measure the same model in the same scene, under the same torques.
     fn measures(&self, other: &Self) -> bool {
         let what = |r: &Self| {
-            (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.protocol.action.to_string())
+            (
+                r.robot.clone(),
+                r.method.clone(),
+                r.scene.clone(),
+                r.truth.clone(),
+                r.protocol.steps,
+                r.protocol.action.to_string(),
+            )
         };
         what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
     }
@@ -162,7 +177,12 @@ impl Row {
         let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
         let two = |s: f64| format!("{s:.*}", (1 - s.log10().floor().max(-9.0) as i32).max(0) as usize);
         let shown = |s: f64| if s > 0.0 { two(s) } else { s.to_string() };
-        error.iter().zip(&spread).map(|(e, s)| format!("{} ± {}", digits(*e), shown(*s))).collect::<Vec<_>>().join(" / ")
+        error
+            .iter()
+            .zip(&spread)
+            .map(|(e, s)| format!("{} ± {}", digits(*e), shown(*s)))
+            .collect::<Vec<_>>()
+            .join(" / ")
     }
 
     fn whose(&self) -> String {
@@ -186,11 +206,15 @@ pub fn unworthy(manifest: &Manifest, results: &Path, models: &Path) -> Result<Ve
         if config.truth == Truth::Paper.name() || config.network.architecture == Architecture::Chain {
             continue;
         }
-        let own = measured.iter().filter(|(result, _)| result.inputs.0.contains(&input)).flat_map(|(_, rows)| &rows.rows);
+        let own =
+            measured.iter().filter(|(result, _)| result.inputs.0.contains(&input)).flat_map(|(_, rows)| &rows.rows);
         let own = own.filter(|row| row.model.as_ref() == Some(&input.name())).filter_map(|row| row.verdict.as_ref());
         let own: Vec<&Verdict> = own.collect();
         if own.is_empty() {
-            lines.push(format!("{}: no result has a verdict on these weights; `cargo xtask results make passive` does", input.name()));
+            lines.push(format!(
+                "{}: no result has a verdict on these weights; `cargo xtask results make passive` does",
+                input.name()
+            ));
         }
         let short = |v: &&Verdict| Some(format!("{} in {}: {}", input.name(), v.scene, v.shortfall()?));
         lines.extend(own.iter().find_map(short));

@@ -66,7 +66,9 @@ impl Policies {
         }
         let found = shipped::policies("")?;
         if found.is_empty() {
-            bail!("models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy");
+            bail!(
+                "models/policies holds no policy: train one with `cargo xtask policy train`, or name one with --policy"
+            );
         }
         Ok(found)
     }
@@ -135,12 +137,15 @@ impl Policies {
             let ((config, policy), [task, _]) = &all[k];
             let first = all.iter().position(|(_, [other, _])| other == task) == Some(k);
             if first && !nerd_tasks::names().contains(&task.as_str()) {
-                let (config, flat) = (PolicyConfig { solver: "-".into(), ..config.clone() }, vec![0.0; policy.flat.len()]);
+                let (config, flat) =
+                    (PolicyConfig { solver: "-".into(), ..config.clone() }, vec![0.0; policy.flat.len()]);
                 all.push(((config, Policy { flat, ..policy.clone() }), [task.clone(), "keeps still".into()]));
             }
         }
         let bar = bar("policies played", all.len() as u64);
-        let rows = all.into_par_iter().map(|((config, policy), names)| self.row(config, &policy, names).inspect(|_| bar.add(1)));
+        let rows = all
+            .into_par_iter()
+            .map(|((config, policy), names)| self.row(config, &policy, names).inspect(|_| bar.add(1)));
         let rows = rows.collect();
         bar.finish();
         rows
@@ -158,7 +163,8 @@ impl Policies {
         let own = nerd_tasks::named(&task)?;
         let (length, (tolerance, unit)) = (own.episode_length() as f64, own.tolerance());
         let steps: f64 = real.iter().map(|game| game.length).sum();
-        let term = |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
+        let term =
+            |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
         let terms = own.terms().iter().enumerate().map(term).filter(|(_, mean)| mean.is_finite()).collect();
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Solver(SolverSpec::neural(&model).on(self.device));
@@ -170,7 +176,8 @@ impl Policies {
         } else {
             SolverSpec::implicit(system.spec.substeps.div_ceil(2))
         };
-        let half = if self.fresh_seeds.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Solver(half))?)).gap };
+        let half =
+            if self.fresh_seeds.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Solver(half))?)).gap };
         Ok(Row {
             half,
             policy: name,
@@ -207,7 +214,8 @@ impl Experiment for Policies {
     fn measure(&self) -> Result<Measured> {
         let folders = if self.fresh_seeds.is_empty() { self.folders()? } else { self.train()? };
         let rows = self.rows(&folders)?;
-        let mut all = if self.fresh_seeds.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
+        let mut all =
+            if self.fresh_seeds.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));
         all.extend(tables::terms(&rows));
         let measured = Measured::new(&serde_json::json!({ "rows": rows }), all)?;

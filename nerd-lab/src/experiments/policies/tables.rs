@@ -63,7 +63,8 @@ pub fn each(rows: &[Row]) -> Table {
             paper.map_or_else(|| "-".into(), |p| format!("{} / {} ({:+.2} %)", p[0], p[1], gap(p[0], p[1]))),
         ]
     });
-    let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
+    let header =
+        ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
     let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
     let mut table = Table::new("policies", &header).with(lines).noted(&note);
     if rows.iter().any(|r| r.fell.is_some()) {
@@ -74,7 +75,9 @@ pub fn each(rows: &[Row]) -> Table {
     }
     if rows.iter().any(|r| r.rewards.real.success.is_some()) {
         table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
-        let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
+        let share = |reward: Option<&Reward>| {
+            reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share))
+        };
         table
             .rows
             .iter_mut()
@@ -84,7 +87,11 @@ pub fn each(rows: &[Row]) -> Table {
     }
     if rows.iter().any(|r| r.rewards.real.error.is_some()) {
         table.header.push("error in truth".into());
-        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.push(or_dash(row.rewards.real.error.map(|error| in_unit(row, error)))));
+        table
+            .rows
+            .iter_mut()
+            .zip(rows)
+            .for_each(|(line, row)| line.push(or_dash(row.rewards.real.error.map(|error| in_unit(row, error)))));
         table.note += " Error: mean over games of the mean error over a game's last half.";
     }
     table
@@ -94,8 +101,10 @@ pub fn each(rows: &[Row]) -> Table {
 /// column over all tasks. Policies of one task with equal short names appear by path.
 pub fn terms(rows: &[Row]) -> Option<Table> {
     let alike = |a: &Row, b: &Row| a.task == b.task && a.policy != b.policy && short(&a.policy) == short(&b.policy);
-    let called = |row: &Row| if rows.iter().any(|other| alike(row, other)) { row.policy.clone() } else { short(&row.policy) };
-    let rows: Vec<(&Row, String)> = rows.iter().filter(|row| !row.terms.is_empty()).map(|row| (row, called(row))).collect();
+    let called =
+        |row: &Row| if rows.iter().any(|other| alike(row, other)) { row.policy.clone() } else { short(&row.policy) };
+    let rows: Vec<(&Row, String)> =
+        rows.iter().filter(|row| !row.terms.is_empty()).map(|row| (row, called(row))).collect();
     let names = once(rows.iter().flat_map(|(row, _)| row.terms.iter().map(|term| (&*row.task, &*term.0))));
     let policies = once(rows.iter().map(|(_, policy)| &**policy));
     let cell = |task: &str, name: &str, policy: &str| {
@@ -141,7 +150,9 @@ pub fn summary(rows: &[Row]) -> Table {
 pub fn gaps(rows: &[Row]) -> Table {
     let lines = once(rows.iter().map(|r| &*r.task)).into_iter().map(|task| {
         let own = || rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural"));
-        let word = |of: Vec<f64>, decimals: usize| if of.is_empty() { "-".into() } else { format!("{:.decimals$}", mean(&of)) };
+        let word = |of: Vec<f64>, decimals: usize| {
+            if of.is_empty() { "-".into() } else { format!("{:.decimals$}", mean(&of)) }
+        };
         let sizes: Vec<f64> = own().filter_map(|r| r.rewards.gap.map(f64::abs)).collect();
         let most = sizes.iter().copied().reduce(f64::max).map(|most| format!("{most:.2}"));
         let seeds = own().filter_map(|r| r.rewards.gap.map(|gap| percent(gap, r.rewards.gap_error)));

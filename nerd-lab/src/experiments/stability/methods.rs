@@ -13,7 +13,8 @@ pub fn known() -> Vec<Method> {
     let euler = |n: usize| method(format!("Euler x{n}"), SolverSpec::articulated(Stepping::Euler, n));
     let implicit = |n: usize| method(format!("implicit x{n}"), SolverSpec::implicit(n));
     let rapier = |n: usize| method(format!("rapier {n}x4"), SolverSpec::rapier(n)).rigid();
-    [paper(), accurate(), euler(4), euler(16), euler(64), implicit(4), implicit(16), converged(), rapier(4), rapier(16)].into()
+    [paper(), accurate(), euler(4), euler(16), euler(64), implicit(4), implicit(16), converged(), rapier(4), rapier(16)]
+        .into()
 }
 
 /// The truth of models: implicit with the robot's own number of substeps.
@@ -34,7 +35,9 @@ pub fn paper() -> Method {
 pub fn method(name: impl Into<String>, spec: SolverSpec) -> Method {
     let at = |times: usize| {
         let spec = spec.clone();
-        move |system: &Arc<System>| spec.refined(times, system).solver(system, 1).unwrap_or_else(|e| Box::new(Absent(e.to_string())))
+        move |system: &Arc<System>| {
+            spec.refined(times, system).solver(system, 1).unwrap_or_else(|e| Box::new(Absent(e.to_string())))
+        }
     };
     Method::new(name, at(1)).finer(at(4))
 }

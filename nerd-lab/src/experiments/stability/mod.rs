@@ -29,10 +29,11 @@ impl StabilityMap {
             let start = [l.row.clone(), l.asked(), digits(l.limit)];
             start.into_iter().chain(l.cells.iter().map(cell)).collect()
         });
-        let header: Vec<&str> = ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
-        Table::new("stability", &header)
-            .with(rows)
-            .noted("!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it lacks what the row needs.")
+        let header: Vec<&str> =
+            ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
+        Table::new("stability", &header).with(rows).noted(
+            "!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it lacks what the row needs.",
+        )
     }
 }
 
@@ -51,8 +52,10 @@ impl Stability {
 
     /// The same rows in MuJoCo, beside the truths and rapier.
     pub fn beside_mujoco(words: &[String], python: &Path) -> Result<Self> {
-        let mut methods: Vec<_> =
-            known().into_iter().filter(|method| ["accurate", "implicit x4", "rapier 16x4"].contains(&&*method.name)).collect();
+        let mut methods: Vec<_> = known()
+            .into_iter()
+            .filter(|method| ["accurate", "implicit x4", "rapier 16x4"].contains(&&*method.name))
+            .collect();
         methods.splice(2..2, [4, 16].map(|substeps| methods::mujoco(python, substeps)));
         Ok(Self { name: "stability-mujoco".into(), suite: Suite::new().only(words)?, methods })
     }
@@ -82,7 +85,8 @@ impl Experiment for Stability {
             inputs.add(Input::robot(&*System::named(&format!("{robot}-paper"))?));
         }
         for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("anymal", "free")] {
-            for text in ["articulated", "articulated(method=euler, substeps=16)", "articulated(substeps=16)", "rapier"] {
+            for text in ["articulated", "articulated(method=euler, substeps=16)", "articulated(substeps=16)", "rapier"]
+            {
                 inputs.add(Input::motion(robot, scene, &text.parse()?)?);
             }
             inputs.add(Input::motion(&format!("{robot}-paper"), scene, &Truth::Paper.into())?);

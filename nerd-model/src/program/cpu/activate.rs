@@ -96,13 +96,17 @@ mod tests {
         let xs: Vec<f32> = (-4000..4000).map(|k| k as f32 * 5e-3 + 1e-4).chain([f32::NAN]).collect();
         type Function = fn(f64) -> f64;
         let (tanh, elu): (Function, Function) = (f64::tanh, |x| if x < 0.0 { x.exp_m1() } else { x });
-        for (f, library) in
-            [(Activation::Tanh, tanh), (Activation::Elu, elu), (Activation::Relu, |x| x.max(0.0)), (Activation::Gelu, |x| x)]
-        {
+        for (f, library) in [
+            (Activation::Tanh, tanh),
+            (Activation::Elu, elu),
+            (Activation::Relu, |x| x.max(0.0)),
+            (Activation::Gelu, |x| x),
+        ] {
             let mut ys = Vec::new();
             forward(f, false, &mut xs.clone(), &mut ys);
             assert!(ys[xs.len() - 1].is_nan(), "{f:?}(NaN) = {}", ys[xs.len() - 1]);
-            let off = xs.iter().zip(&ys).map(|(x, y)| (f64::from(*y) - library(f64::from(*x))).abs()).fold(0.0, f64::max);
+            let off =
+                xs.iter().zip(&ys).map(|(x, y)| (f64::from(*y) - library(f64::from(*x))).abs()).fold(0.0, f64::max);
             assert!(f == Activation::Gelu || off < 5e-7, "{f:?}: off by {off:.1e}");
         }
     }

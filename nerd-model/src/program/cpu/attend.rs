@@ -45,8 +45,10 @@ impl Attention {
         shares.resize(windows * self.heads * t * width, 0.0);
         out.resize(windows * t * e, 0.0);
         Arch::new().dispatch(|| {
-            for ((qkv, out), shares) in
-                qkv.chunks_exact_mut(t * 3 * e).zip(out.chunks_exact_mut(t * e)).zip(shares.chunks_exact_mut(self.heads * t * width))
+            for ((qkv, out), shares) in qkv
+                .chunks_exact_mut(t * 3 * e)
+                .zip(out.chunks_exact_mut(t * e))
+                .zip(shares.chunks_exact_mut(self.heads * t * width))
             {
                 self.turn(qkv, 1.0);
                 for (head, shares) in shares.chunks_exact_mut(t * width).enumerate() {
@@ -54,7 +56,14 @@ impl Attention {
                     for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
                         let (seen, d) = (self.seen(i), e / self.heads);
                         let values = &qkv[self.at(2, head, seen.start).start..];
-                        mix(&qkv[self.at(0, head, i)], &self.lying, (values, 3 * e), seen, shares, &mut out[i * e + head * d..][..d]);
+                        mix(
+                            &qkv[self.at(0, head, i)],
+                            &self.lying,
+                            (values, 3 * e),
+                            seen,
+                            shares,
+                            &mut out[i * e + head * d..][..d],
+                        );
                     }
                 }
             }
@@ -174,7 +183,8 @@ impl Ring<'_> {
             keys[slot] = *k;
         }
         shares.resize(width, 0.0);
-        for (head, ((q, keys), out)) in qkv[..e].chunks_exact(d).zip(keys.chunks_exact(d * width)).zip(out.chunks_exact_mut(d)).enumerate()
+        for (head, ((q, keys), out)) in
+            qkv[..e].chunks_exact(d).zip(keys.chunks_exact(d * width)).zip(out.chunks_exact_mut(d)).enumerate()
         {
             mix(q, keys, (&values[head * d..], e), seen.clone(), shares, out);
         }
@@ -203,7 +213,14 @@ fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
 /// Attention of one query of a head: writes the weights `[width]` over transposed keys `[d][width]`, and the weighted
 /// sum of values to `out` `[d]`. `values` starts at the first visible token and has stride `apart`.
 #[inline(always)]
-fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std::ops::Range<usize>, shares: &mut [f32], out: &mut [f32]) {
+fn mix(
+    query: &[f32],
+    keys: &[f32],
+    (values, apart): (&[f32], usize),
+    seen: std::ops::Range<usize>,
+    shares: &mut [f32],
+    out: &mut [f32],
+) {
     let scale = (query.len() as f32).sqrt().recip();
     sums(shares, query, keys, shares.len());
     softmax(shares, seen.clone(), scale);

@@ -9,7 +9,9 @@ use crate::program::{Op, Step, Weight};
 impl Loaded {
     /// Transposes all matrices of the backward pass in advance, so that threads do not wait for each other.
     pub fn turn(&self) {
-        (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
+        (0..self.program.steps.len())
+            .filter(|i| self.program.steps[*i].from != self.program.tokens())
+            .for_each(|i| _ = self.turned(i));
     }
 
     /// `W'^T` of the product in step `i`, if that step is one.
@@ -22,7 +24,13 @@ impl Loaded {
 
     /// Gradients with respect to parameters (flat) and, if `by_tokens`, tokens, from `upstream` with respect to
     /// predictions. Needs a forward pass of [`super::Pass::Kept`] with the same `tokens`.
-    pub fn backward(&self, tokens: usize, upstream: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
+    pub fn backward(
+        &self,
+        tokens: usize,
+        upstream: &[f32],
+        memory: &mut Memory,
+        by_tokens: bool,
+    ) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let of_tokens = self.way_back(tokens, upstream, memory, Some(&mut gradient), by_tokens);
         (gradient, of_tokens)
@@ -54,7 +62,15 @@ impl Loaded {
         of_tokens
     }
 
-    fn back(&self, i: usize, tokens: usize, by_value: &mut [Vec<f32>], memory: &mut Memory, gradient: Option<&mut [f32]>, by_tokens: bool) {
+    fn back(
+        &self,
+        i: usize,
+        tokens: usize,
+        by_value: &mut [Vec<f32>],
+        memory: &mut Memory,
+        gradient: Option<&mut [f32]>,
+        by_tokens: bool,
+    ) {
         let Step { from, to, op } = self.program.steps[i];
         let Memory { values, aside, spare, attention, gradients: cut } = memory;
         let (x, y) = (&values[from.0], &values[to.0]);

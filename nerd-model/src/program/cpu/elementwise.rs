@@ -19,7 +19,9 @@ pub fn exp(x: f32) -> f32 {
     let k = shifted - shift;
     // ln 2 in two parts keeps the digits of r.
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
-    let series = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
+    let series = 1.0
+        + r * (1.0
+            + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
     // The low bits of `shifted` contain k, which saves a conversion that vector units do only with checks.
     series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
@@ -95,7 +97,9 @@ pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
 pub fn normalize_back(upstream: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
     Arch::new().dispatch(|| {
-        for (((g, y), inverse), dx) in upstream.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
+        for (((g, y), inverse), dx) in
+            upstream.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e))
+        {
             let mean = sum(g, |g| g) / e as f32;
             // y has mean 0, so the mean of g may be subtracted first.
             g.iter_mut().for_each(|g| *g -= mean);

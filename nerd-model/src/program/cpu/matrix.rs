@@ -131,12 +131,20 @@ impl Product<'_> {
                 let mut outs = out.chunks_exact_mut(R * outer);
                 let mut row = 0;
                 for out in &mut outs {
-                    let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
+                    let sums = if across {
+                        tile_across(simd, x, rows, row, panel)
+                    } else {
+                        tile(simd, &x[row * inner..], panel)
+                    };
                     store::<S, R, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += R;
                 }
                 for out in outs.into_remainder().chunks_exact_mut(outer) {
-                    let sums = if across { tile_across(simd, x, rows, row, panel) } else { tile(simd, &x[row * inner..], panel) };
+                    let sums = if across {
+                        tile_across(simd, x, rows, row, panel)
+                    } else {
+                        tile(simd, &x[row * inner..], panel)
+                    };
                     store::<S, 1, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += 1;
                 }
@@ -176,7 +184,12 @@ fn tile_across<S: Simd, const R: usize, const V: usize>(
 
 /// `sums += x panel`.
 #[inline(always)]
-fn add<S: Simd, const R: usize, const V: usize>(simd: S, x: [f32; R], panel: &[S::f32s; V], sums: &mut [[S::f32s; V]; R]) {
+fn add<S: Simd, const R: usize, const V: usize>(
+    simd: S,
+    x: [f32; R],
+    panel: &[S::f32s; V],
+    sums: &mut [[S::f32s; V]; R],
+) {
     for r in 0..R {
         let x = simd.splat_f32s(x[r]);
         for v in 0..V {
@@ -223,10 +236,19 @@ mod tests {
     #[test]
     fn products_of_every_shape_are_those_of_the_definition() {
         let value = |i: usize| ((i * 2_654_435_761) % 1000) as f32 * 1e-3 - 0.5;
-        for (rows, inner, outer) in
-            [(1, 1, 1), (7, 5, 3), (8, 37, 48), (13, 30, 32), (25, 96, 18), (9, 192, 64), (17, 48, 100), (33, 64, 14), (2, 3, 577)]
-        {
-            let (x, w): (Vec<_>, Vec<_>) = ((0..rows * inner).map(value).collect(), (0..inner * outer).map(|i| value(i + 7)).collect());
+        for (rows, inner, outer) in [
+            (1, 1, 1),
+            (7, 5, 3),
+            (8, 37, 48),
+            (13, 30, 32),
+            (25, 96, 18),
+            (9, 192, 64),
+            (17, 48, 100),
+            (33, 64, 14),
+            (2, 3, 577),
+        ] {
+            let (x, w): (Vec<_>, Vec<_>) =
+                ((0..rows * inner).map(value).collect(), (0..inner * outer).map(|i| value(i + 7)).collect());
             let matrix = Matrix::new(inner, &w);
             let exact = |i: usize| {
                 let (r, c) = (i / outer, i % outer);
@@ -244,11 +266,15 @@ mod tests {
             let turned: Vec<f32> = (0..outer * inner).map(|i| w[i % inner * outer + i / inner]).collect();
             let mut other = Vec::new();
             Matrix::of_transpose(inner, &turned).product(&x, None, &mut other);
-            let apart = across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            let apart =
+                across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(apart < 1e-5, "[{rows}, {inner}] [{inner}, {outer}]: transposes, off by {apart:.1e}");
             for (i, (s, a)) in set.iter().zip(&added).enumerate() {
                 let (s, a) = (f64::from(*s) - exact(i), f64::from(*a) - 1.0 - exact(i));
-                assert!(s.abs() < 1e-5 && a.abs() < 1e-5, "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}");
+                assert!(
+                    s.abs() < 1e-5 && a.abs() < 1e-5,
+                    "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}"
+                );
             }
         }
     }

@@ -66,8 +66,15 @@ impl Loaded {
     /// Packs the matrices of `flat`.
     pub fn new(program: Program, flat: &[f32]) -> Self {
         let mut ends = vec![0; program.widths.len()];
-        program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
-        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_)));
+        program
+            .steps
+            .iter()
+            .enumerate()
+            .for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
+        let mixing = program
+            .steps
+            .iter()
+            .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_)));
         let (starts, folded) = (program.starts(), vec![Vec::new(); program.steps.len()]);
         let mut loaded = Self { program, starts, folded, ends, mixing, ..Self::default() };
         loaded.load(flat);
@@ -79,7 +86,8 @@ impl Loaded {
         self.flat.clear();
         self.flat.extend_from_slice(flat);
         let mut folded = std::mem::take(&mut self.folded);
-        self.panels = self.program.steps.iter().zip(&mut folded).map(|(step, folded)| self.cut(step.op, folded)).collect();
+        self.panels =
+            self.program.steps.iter().zip(&mut folded).map(|(step, folded)| self.cut(step.op, folded)).collect();
         self.folded = folded;
         self.back = self.program.steps.iter().map(|_| Default::default()).collect();
     }

@@ -1,5 +1,5 @@
-// Gradients of a frame, as articulated/gradients: steps the frame, recording start and result of each substep, then runs
-// the adjoint from the last substep to the first.
+// Gradients of a frame, as articulated/gradients: steps the frame, recording start and result of each substep, then
+// runs the adjoint from the last substep to the first.
 
 // Records the substeps of a frame.
 struct Keeper {

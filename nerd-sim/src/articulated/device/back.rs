@@ -31,7 +31,9 @@ pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, rea
 pub fn goes_back(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
     covered(config, batch)?;
     if whips(&batch.system) {
-        return Err(StepError::Refused("chains this deep have no gradients on a card yet: take them on the CPU".into()));
+        return Err(StepError::Refused(
+            "chains this deep have no gradients on a card yet: take them on the CPU".into(),
+        ));
     }
     Ok(())
 }

@@ -26,15 +26,24 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
         _ => None,
     };
     if let Some(scene) = apart.as_ref().filter(|scene| scene.colliders.len() > colliders) {
-        return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
+        return Err(format!(
+            "starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one",
+            scene.name
+        ));
     }
     let record = apart.map(|scene| alone(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
     text.define([("MOST_DRAWS", DRAWS)]);
-    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("STABLE_PD", !reach.servo && control.is_some_and(|c| c.stable_pd))];
-    let more =
-        [("CLAMPED", !reach.servo && control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
+    let flags = [
+        ("RELATIVE", control.is_some_and(|c| c.relative)),
+        ("STABLE_PD", !reach.servo && control.is_some_and(|c| c.stable_pd)),
+    ];
+    let more = [
+        ("CLAMPED", !reach.servo && control.is_some_and(|c| c.clamp)),
+        ("CONTROLLED", control.is_some()),
+        ("CLEARS", record.is_some()),
+    ];
     text.define(flags.into_iter().chain(more).map(|(name, on)| (name, i32::from(on))));
     let [blurred, lagged] = reach.own.sensed();
     text.define([("BLURRED", blurred), ("LAGGED", lagged)].map(|(name, on)| (name, i32::from(on))));
@@ -64,7 +73,8 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     reach.own.write(&mut text, system, false);
     text.table("double", "LEVEL", level(system).iter().flat_map(|v| v.iter().copied()));
     text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));
-    let other = |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
+    let other =
+        |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
     Ok(text.0 + RANDOM + include_str!("episode.cuh") + include_str!("disturb.cuh"))
 }

@@ -1,5 +1,5 @@
-// Adjoint of Runge-Kutta substeps, stage by stage, as articulated/gradients/explicit.rs. Gradients are w.r.t. the numbers
-// of a state; its quaternion may have any length.
+// Adjoint of Runge-Kutta substeps, stage by stage, as articulated/gradients/explicit.rs. Gradients are w.r.t. the
+// numbers of a state; its quaternion may have any length.
 
 constexpr int NUMBERS = NQ + NV;
 

@@ -1,5 +1,5 @@
-// Self-collision, as articulated/fold.rs, which has the law. FOLDS pairs of parts: FOLD_PARTS, FOLD_INV_MASS (w times n),
-// FOLD_MATERIAL (with a margin). Per part: FOLD_LINK, FOLD_OWN (first and end of its capsules), FOLD_BALL (centre,
+// Self-collision, as articulated/fold.rs, which has the law. FOLDS pairs of parts: FOLD_PARTS, FOLD_INV_MASS (w times
+// n), FOLD_MATERIAL (with a margin). Per part: FOLD_LINK, FOLD_OWN (first and end of its capsules), FOLD_BALL (centre,
 // radius). CAPSULE: middle, half axis, radius.
 
 struct Capsule { V3 middle, half; real radius; };

@@ -1,6 +1,7 @@
 // Implicit substeps, as articulated/implicit.rs, which has the equations.
 
-// theta of a spring with z = h^2 k w: MEAN_THETA keeps its energy; a larger theta, for a spring too stiff for h, loses some.
+// theta of a spring with z = h^2 k w: MEAN_THETA keeps its energy; a larger theta, for a spring too stiff for h, loses
+// some.
 FN real spring_theta(real z) { return most((real)0.5 - (real)0.5 * inverse(z), MEAN_THETA); }
 
 // x^T M^-1 x = |L^-T x|^2 for an x that is zero except at DoF `last` and above.

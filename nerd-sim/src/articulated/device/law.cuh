@@ -103,9 +103,9 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
 }
 
 #if TURNS
-// A contact's torque, as articulated/gradients/turn.rs, and its derivatives w.r.t.: normal force (of `law`; with `first`,
-// at the start), w across the normal; h J qdd of the link's angular velocity, that velocity at the start, held torque.
-// by_gap, by_vn: of the normal force w.r.t. gap and normal velocity, with `first`.
+// A contact's torque, as articulated/gradients/turn.rs, and its derivatives w.r.t.: normal force (of `law`; with
+// `first`, at the start), w across the normal; h J qdd of the link's angular velocity, that velocity at the start, held
+// torque. by_gap, by_vn: of the normal force w.r.t. gap and normal velocity, with `first`.
 struct TurnLaw { V3 torque, by_press, by_across; M3 by_change, by_spin, by_held; real by_gap, by_vn; };
 
 template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, bool again, const M* material, const Law& law, TurnLaw& own) {

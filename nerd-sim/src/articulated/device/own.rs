@@ -117,12 +117,18 @@ impl Own {
         if robot.held() != self.held(robot) {
             return Err("a robot has no dry friction where others have some: on a device all have; raise vary.dry_friction above 0".into());
         }
-        Ok(tables(robot).into_iter().enumerate().filter(|(k, _)| self.has(*k)).flat_map(|(_, numbers)| numbers).collect())
+        Ok(tables(robot)
+            .into_iter()
+            .enumerate()
+            .filter(|(k, _)| self.has(*k))
+            .flat_map(|(_, numbers)| numbers)
+            .collect())
     }
 
     /// Whether the robots have dry friction, springs or links that may touch each other.
     pub(super) fn held(self, system: &System) -> bool {
-        let dry = self.dry() && system.spec.vary.as_ref().is_some_and(|vary| vary.dry_friction.is_some_and(|range| range.high > 0.0));
+        let dry = self.dry()
+            && system.spec.vary.as_ref().is_some_and(|vary| vary.dry_friction.is_some_and(|range| range.high > 0.0));
         system.held() || dry
     }
 }
@@ -141,7 +147,8 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
     let (robot, bounds, motors) = (&system.robot, Bounds::new(system), &system.motors);
     let links = |of: &dyn Fn(&Link) -> Vec<f64>| robot.links.iter().flat_map(of).collect::<Vec<f64>>();
     let joints = |of: fn(&Joint) -> f64| robot.joints().map(of).collect::<Vec<f64>>();
-    let each = |own: &[f64], default: f64| if own.is_empty() { vec![default; robot.joint_count()] } else { own.to_vec() };
+    let each =
+        |own: &[f64], default: f64| if own.is_empty() { vec![default; robot.joint_count()] } else { own.to_vec() };
     [
         links(&|l| vec![l.inertia.mass]),
         links(&|l| l.inertia.com.as_slice().to_vec()),
@@ -159,7 +166,11 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
         vec![motors.delay],
         each(&motors.strength, 1.0),
         each(&motors.zeros, 0.0),
-        if motors.lines.is_empty() { [0.0, 1.0].repeat(robot.joint_count()) } else { motors.lines.as_flattened().to_vec() },
+        if motors.lines.is_empty() {
+            [0.0, 1.0].repeat(robot.joint_count())
+        } else {
+            motors.lines.as_flattened().to_vec()
+        },
         each(&motors.ripple, 0.0),
         vec![motors.noise, motors.root_noise[0], motors.root_noise[1]],
         vec![motors.lag],

@@ -7,7 +7,8 @@ use nerd_core::dynamics::Factor;
 
 use super::super::along::{along, chained};
 use super::super::energy::{
-    FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, MAX_REFINED, MAX_REFINED_TERRAIN, WORK_TOLERANCE,
+    FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, MAX_REFINED, MAX_REFINED_TERRAIN,
+    WORK_TOLERANCE,
 };
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
@@ -144,7 +145,13 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("COORDS", robot.root_coords()),
         ("NP", robot.contact_points.len()),
         ("NC", reach.colliders),
-        ("PRESSED", robot.joints().map(|j| usize::from(j.friction > 0.0 || reach.own.dry()) + 2 * usize::from(j.limit.is_some())).sum()),
+        (
+            "PRESSED",
+            robot
+                .joints()
+                .map(|j| usize::from(j.friction > 0.0 || reach.own.dry()) + 2 * usize::from(j.limit.is_some()))
+                .sum(),
+        ),
         ("SUBSTEPS", config.substeps),
         ("CONTACT_SUBSTEPS", config.contact_substeps),
         ("MAX_HALVINGS", MAX_HALVINGS),
@@ -183,7 +190,8 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         MAX_SPRING_DAMPING, OFF, FAR_OFF, MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN,
         FAST_TURN_RK4, FAST_ROOT, ROUND, SPUN_RK4, BARREL
     };
-    let reals = constants.into_iter().chain([("MOST_DAMPED", MOST), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])]);
+    let reals =
+        constants.into_iter().chain([("MOST_DAMPED", MOST), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])]);
     text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
     text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
@@ -271,7 +279,9 @@ fn points(text: &mut Text, robot: &Robot) {
         let (mut kind, mut rim, first) = (0.0, [0.0; 6], all.len() / 3);
         match &point.locus {
             Locus::Fixed => {}
-            Locus::Rim { axis, radius, turn } => (kind, rim) = (1.0, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()]),
+            Locus::Rim { axis, radius, turn } => {
+                (kind, rim) = (1.0, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()])
+            }
             Locus::Hull { vertices, .. } => {
                 kind = 2.0;
                 all.extend(vertices.iter().flat_map(|v| [v.x, v.y, v.z]));

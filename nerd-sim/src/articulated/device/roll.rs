@@ -12,7 +12,9 @@ impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
         self.take_all(batch, &torques)?;
-        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
+        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
+            return Ok(());
+        };
         take(held, device, batch, *reach, &torques)?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
         self.motion.follow(&batch.frames).map_err(failed)
@@ -124,7 +126,9 @@ impl<M: Motion> Roll for OnDevice<M> {
         looked_at(batch, &torques[..width], &mut self.faults)?;
         if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
             let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
-            return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
+            return Err(StepError::Solver(format!(
+                "a torque of environment {env} in frame {frame} of the roll is {x}"
+            )));
         }
         let capabilities = self.motion.capabilities();
         capabilities.admit(batch)?;
@@ -136,7 +140,9 @@ impl<M: Motion> Roll for OnDevice<M> {
             return Ok(());
         }
         self.prepare(batch)?;
-        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
+        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
+            return Ok(());
+        };
         take(held, device, batch, *reach, torques)?;
         self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
@@ -167,11 +173,15 @@ impl<M: Motion> Solver for OnDevice<M> {
         self.motion.goes_back(batch)?;
         let wide = batch.len() * rows * 2 * batch.system.robot.nv();
         if wide == 0 || grad_next.len() != wide {
-            return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", grad_next.len())));
+            return Err(StepError::Solver(format!(
+                "{} numbers of gradients, {wide} are needed, and some",
+                grad_next.len()
+            )));
         }
         self.take_all(batch, torques)?;
         self.motion.keep(batch, 1)?;
-        let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
+        let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device())
+        else {
             return Ok(Gradients::default());
         };
         take(held, device, batch, *reach, torques)?;

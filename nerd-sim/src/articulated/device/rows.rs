@@ -37,7 +37,13 @@ impl Rows {
         self.rows == rows
     }
 
-    pub(super) fn back(&self, motion: &impl Motion, held: &Held, batch: &Batch, grad_next: &[f64]) -> Result<Gradients, StepError> {
+    pub(super) fn back(
+        &self,
+        motion: &impl Motion,
+        held: &Held,
+        batch: &Batch,
+        grad_next: &[f64],
+    ) -> Result<Gradients, StepError> {
         let Some(device) = motion.device() else { return Ok(Gradients::default()) };
         let go = || -> Result<(Gradients, Vec<i32>), DeviceError> {
             device.write(&self.grad_next, grad_next)?;
@@ -50,10 +56,15 @@ impl Rows {
                 motion.back(held, trail, back)
             })?;
             let [next, states, torques] = [&self.next, &self.states, &self.torques].map(|of| device.download(of));
-            Ok((Gradients { next: next?, states: states?, torques: torques?, ..Gradients::default() }, device.download(&self.faults)?))
+            Ok((
+                Gradients { next: next?, states: states?, torques: torques?, ..Gradients::default() },
+                device.download(&self.faults)?,
+            ))
         };
         let (out, faults) = go().map_err(failed)?;
-        let finite = |x: &[f64], env: usize| x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite());
+        let finite = |x: &[f64], env: usize| {
+            x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite())
+        };
         let wrong = faults.into_iter().enumerate().filter_map(|(env, code)| {
             let reason = match code {
                 0 if finite(&out.states, env) && finite(&out.torques, env) => return None,

@@ -8,7 +8,13 @@ use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
 /// Uploads a batch and its torques; scenes and robots only if they changed.
-pub(super) fn take(held: &mut Held, device: &Device, batch: &Batch, reach: Reach, torques: &[f64]) -> Result<(), StepError> {
+pub(super) fn take(
+    held: &mut Held,
+    device: &Device,
+    batch: &Batch,
+    reach: Reach,
+    torques: &[f64],
+) -> Result<(), StepError> {
     if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
         know(held, device, batch, reach)?;
     }

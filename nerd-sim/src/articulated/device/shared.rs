@@ -33,7 +33,9 @@ pub struct SharedStates {
 }
 
 fn resident(solver: &mut Box<dyn Solver>) -> Result<&mut dyn Resident, StepError> {
-    solver.resident().ok_or_else(|| StepError::Refused("this solver does not stay on a card: step it on the CPU".into()))
+    solver
+        .resident()
+        .ok_or_else(|| StepError::Refused("this solver does not stay on a card: step it on the CPU".into()))
 }
 
 impl SharedStates {
@@ -41,7 +43,8 @@ impl SharedStates {
     pub fn new(simulation: &mut Simulation) -> Result<Self, StepError> {
         let device = Device::open(KERNELS, &["take", "give"]).map_err(failed)?;
         let (states, went) = (device.zeros(simulation.batch.states.len()), device.zeros(simulation.batch.len()));
-        let mut shared = Self { states: Arc::new(states.map_err(failed)?), went: went.map_err(failed)?, stepped: false, device };
+        let mut shared =
+            Self { states: Arc::new(states.map_err(failed)?), went: went.map_err(failed)?, stepped: false, device };
         shared.hold(simulation)?;
         Ok(shared)
     }
@@ -107,7 +110,11 @@ impl SharedStates {
     }
 
     /// Uploads the batch's states again, after `envs` were restarted: clears their faults and memory.
-    pub fn begin(&mut self, Simulation { batch, solver }: &mut Simulation, envs: impl Iterator<Item = usize>) -> Result<(), StepError> {
+    pub fn begin(
+        &mut self,
+        Simulation { batch, solver }: &mut Simulation,
+        envs: impl Iterator<Item = usize>,
+    ) -> Result<(), StepError> {
         let resident = resident(solver)?;
         let (memory, Some((device, held))) = (resident.memory(), resident.held()) else { return Ok(()) };
         for env in envs {

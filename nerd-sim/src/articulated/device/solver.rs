@@ -63,7 +63,8 @@ impl Motion for Whole {
         if reach.own.rigged() {
             let (n, joints) = (batch.len(), batch.system.robot.joint_count());
             let (asked, known) = (device.zeros(n * LATEST as usize * joints), device.zeros(n));
-            self.rig = Some(Rig { asked: asked.map_err(failed)?, known: known.map_err(failed)?, next: vec![u64::MAX; n] });
+            self.rig =
+                Some(Rig { asked: asked.map_err(failed)?, known: known.map_err(failed)?, next: vec![u64::MAX; n] });
         }
         self.device = Some(device);
         Ok(())
@@ -79,7 +80,8 @@ impl Motion for Whole {
         let Some((device, rig)) = self.device.as_ref().zip(self.rig.as_mut()) else { return Ok(()) };
         let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
         let next = first.iter().zip(went).zip(faults);
-        rig.next = next.map(|((first, went), fault)| if fault == 0 { first + u64::from(went) } else { u64::MAX }).collect();
+        rig.next =
+            next.map(|((first, went), fault)| if fault == 0 { first + u64::from(went) } else { u64::MAX }).collect();
         Ok(())
     }
 
@@ -103,7 +105,9 @@ impl Motion for Whole {
 
     fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
         if Reach::of(batch).own.rigged() {
-            return Err(StepError::Refused("a family's motors and sensors have no gradients: leave them out of [vary]".into()));
+            return Err(StepError::Refused(
+                "a family's motors and sensors have no gradients: leave them out of [vary]".into(),
+            ));
         }
         goes_back(&self.config, batch)
     }
@@ -120,7 +124,12 @@ impl Motion for Whole {
     fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
         let Some(device) = &self.device else { return Ok(()) };
         let at = |of: u64, all: usize| of + (8 * all * back.frame) as u64;
-        let given = [at(trail.states, held.states.len), at(trail.torques, held.n * held.joints), held.records.ptr, held.scene_of.ptr];
+        let given = [
+            at(trail.states, held.states.len),
+            at(trail.torques, held.n * held.joints),
+            held.records.ptr,
+            held.scene_of.ptr,
+        ];
         let found = [held.drives.ptr, back.grad_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
         let args = [&given.map(Ptr)[..], &found.map(Ptr), &[Int(held.n), Int(back.rows)]].concat();
         device.launch("gradients", (held.n.div_ceil(BLOCK), back.rows), (BLOCK, 1), 0, &args)
@@ -135,7 +144,9 @@ impl Whole {
     fn launch(&self, held: &Held, frames: usize, hold: bool) -> Result<(), DeviceError> {
         let Some(device) = &self.device else { return Ok(()) };
         let Held { states, torques, records, scene_of, drives, faults, done, n, .. } = held;
-        let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, drives.ptr, held.forces(), faults.ptr, done.ptr].map(Ptr);
+        let world =
+            [states.ptr, torques.ptr, records.ptr, scene_of.ptr, drives.ptr, held.forces(), faults.ptr, done.ptr]
+                .map(Ptr);
         let mut args = [&world[..], &[*n, frames, usize::from(hold)].map(Int)].concat();
         if let Some(Rig { asked, known, .. }) = &self.rig {
             args.extend([asked.ptr, known.ptr].map(Ptr));

@@ -1,5 +1,5 @@
-// Adjoint of a substep's solves, by the implicit function theorem, and of its weights w, as articulated/gradients/stage.rs
-// and inv_mass.rs.
+// Adjoint of a substep's solves, by the implicit function theorem, and of its weights w, as
+// articulated/gradients/stage.rs and inv_mass.rs.
 
 // A drive as a touch of its joint.
 FN Touch driven(const Work& w, int i) {

@@ -27,7 +27,8 @@ impl Row {
             // Weights of a stage's rate in the next stage's state, and in the substep's end.
             for (stage, (next, weight)) in stages.iter().zip([(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)]).rev() {
                 let own = &mut memory.flight;
-                let sums = own.by_end.iter().zip(&own.by_stage).map(|(end, stage)| dt * (weight / 6.0 * end + next * stage));
+                let sums =
+                    own.by_end.iter().zip(&own.by_stage).map(|(end, stage)| dt * (weight / 6.0 * end + next * stage));
                 own.by_rate.iter_mut().zip(sums).for_each(|(b, sum)| *b = sum);
                 self.back_rate((robot, &scene.gravity), stage, memory);
                 let own = &mut memory.flight;

@@ -4,7 +4,10 @@ use nerd_core::dynamics::onto;
 
 use super::super::touch::{Contact, Touch};
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
-use super::{super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, row::Row, stage::Place};
+use super::{
+    super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, row::Row,
+    stage::Place,
+};
 use crate::prelude::*;
 
 /// Direction y of a w: a contact's along an axis, or a joint's.
@@ -16,7 +19,14 @@ enum Pushed<'a> {
 impl Workspace {
     /// Backward pass over each w computed in this substep: of touches new since the substeps `before`, and of joints if
     /// the substep before had another length.
-    pub(super) fn inv_mass_adjoint(&mut self, place: Place, step: &Step, before: &[Step], rows: &mut [Row], memory: &mut Memory) {
+    pub(super) fn inv_mass_adjoint(
+        &mut self,
+        place: Place,
+        step: &Step,
+        before: &[Step],
+        rows: &mut [Row],
+        memory: &mut Memory,
+    ) {
         let (robot, h) = (&place.system.robot, step.h);
         let mut factored = None;
         let mut factor = |own: &mut Self| *factored.get_or_insert_with(|| own.factor.refill(&own.data.mass));
@@ -28,7 +38,8 @@ impl Workspace {
             };
             let Some(index) = touch.index() else { continue };
             let known = || before.iter().flat_map(|step| &step.touches).any(|touch| touch.index() == Some(index));
-            if rows.iter().all(|row| row.weights[index] == 0.0 && row.across[index] == 0.0) || known() || !factor(self) {
+            if rows.iter().all(|row| row.weights[index] == 0.0 && row.across[index] == 0.0) || known() || !factor(self)
+            {
                 continue;
             }
             let response = self.push(robot, &pushed);
@@ -40,7 +51,8 @@ impl Workspace {
             for axis in (0..3).map(|k| Vector3::ith(k, 1.0)) {
                 let pushed = Pushed::Contact(contact, axis);
                 let response = self.push(robot, &pushed);
-                rows.iter_mut().for_each(|row| self.push_back(place, &pushed, &response, row.across[index], row, memory));
+                rows.iter_mut()
+                    .for_each(|row| self.push_back(place, &pushed, &response, row.across[index], row, memory));
             }
             rows.iter_mut().for_each(|row| row.across[index] = 0.0);
         }
@@ -94,10 +106,19 @@ impl Workspace {
             if row.numbers.asked() {
                 let collider = contact.index % colliders;
                 // Fixed axes do not turn with the normal.
-                let turned = if *along == contact.normal { adjoint.virtuals[i].at(&contact.x) * (2.0 * by) } else { Vector3::zeros() };
+                let turned = if *along == contact.normal {
+                    adjoint.virtuals[i].at(&contact.x) * (2.0 * by)
+                } else {
+                    Vector3::zeros()
+                };
                 let by_normal = turned - by_place * radius;
                 row.numbers.add(NORMAL, collider, by_normal.into());
-                row.numbers.point(robot, contact.point, self.data.rotation[i].tr_mul(&by_place), -contact.normal.dot(&by_place));
+                row.numbers.point(
+                    robot,
+                    contact.point,
+                    self.data.rotation[i].tr_mul(&by_place),
+                    -contact.normal.dot(&by_place),
+                );
             }
         }
         for i in 0..if row.numbers.asked() { robot.links.len() } else { 0 } {

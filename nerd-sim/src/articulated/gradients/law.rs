@@ -66,7 +66,11 @@ impl ContactLaw {
         let slip_then = contact.velocity - n * vn_then - contact.slip_offset_start;
         let speed_then = slip_then.norm();
         let then = Drag::of(-(k * gap + d_then * vn_then), speed_then, m, friction);
-        let drag = if first { Drag { value: then.value, ..Drag::default() } } else { Drag::of(normal, slip.norm(), m, friction) };
+        let drag = if first {
+            Drag { value: then.value, ..Drag::default() }
+        } else {
+            Drag::of(normal, slip.norm(), m, friction)
+        };
         let force = n * normal - slip * drag.value;
 
         // With respect to normal force and slip; the projection keeps the part across the normal.
@@ -110,7 +114,12 @@ impl ContactLaw {
         // A sticking drag follows from w, not from the material.
         let own_drag = friction != Friction::Coulomb;
         let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
-        let by_material = [pressed[0] * part, pressed[1] * part, if own_drag { by_drag * part } else { Vector3::zeros() }, by_friction];
+        let by_material = [
+            pressed[0] * part,
+            pressed[1] * part,
+            if own_drag { by_drag * part } else { Vector3::zeros() },
+            by_friction,
+        ];
         let whole = |parting: bool| if parting { material.stiffness * material.release } else { material.damping };
         let mut by_part = by_k * material.stiffness + by_d * whole(parting) + by_d_then * whole(then_parting);
         if own_drag {
@@ -123,7 +132,9 @@ impl ContactLaw {
         let mut by_velocity = by_start + by_vn * n.transpose();
         // The normal splits vectors into their parts along and across.
         let across = n.dot(&seen);
-        let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across) + n * seen.transpose() * drag.value + own * across
+        let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across)
+            + n * seen.transpose() * drag.value
+            + own * across
             - by_normal * (change * (k * spring * h + d * damper) + contact.start * d).transpose()
             + by_vn * contact.velocity.transpose();
         let (c, mut by_begun) = (m.friction_damping, Matrix3::zeros());
@@ -200,7 +211,13 @@ impl JointLaw {
             by_rate += (by_gap * -0.5 + by_part * by_half) * 0.5 * h * half.signum();
             by_gap = by_gap * 0.5 + by_part * by_middle;
         }
-        Self { by_change: -(k * theta * h + d * damper), by_gap, by_rate, by_weight: spring.side * by_weight, by_most: 0.0 }
+        Self {
+            by_change: -(k * theta * h + d * damper),
+            by_gap,
+            by_rate,
+            by_weight: spring.side * by_weight,
+            by_most: 0.0,
+        }
     }
 
     /// Of dry friction.

@@ -32,7 +32,8 @@ pub(super) fn covered(config: &ArticulatedConfig, batch: &Batch) -> Result<(), S
         "a robot whose mass matrix is paired as the reference's (stand_ins) has no gradients: take its other specification"
     } else if touch && systems().any(|s| s.robot.contact_points.iter().any(rim)) {
         "contact points that run round a rim have no gradients yet: give the robot [[contact]] points"
-    } else if config.integrator == Integrator::SymplecticEuler || touch && config.contact_step == ContactStep::Explicit {
+    } else if config.integrator == Integrator::SymplecticEuler || touch && config.contact_step == ContactStep::Explicit
+    {
         "symplectic Euler has no gradients: take ArticulatedConfig::accurate or implicit"
     } else {
         return Ok(());
@@ -58,7 +59,9 @@ impl Back for Workspace {
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
         let place = Place { system, scene, friction: settings.config.friction };
-        let begin = |grad_next| Row::begin(robot, &next, grad_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
+        let begin = |grad_next| {
+            Row::begin(robot, &next, grad_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers))
+        };
         let mut rows: Vec<Row> = grad_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         // The factor that removes gained energy counts as constant.
         rows.iter_mut().flat_map(|row| &mut row.speed).for_each(|by| *by *= self.touches.velocity_factor);

@@ -31,7 +31,8 @@ struct Layout([usize; 6]);
 
 impl Layout {
     fn of(robot: &Robot, colliders: usize) -> Self {
-        let (mut starts, counts) = ([0; 6], [robot.links.len(), robot.joint_count(), robot.contact_points.len(), colliders, 1]);
+        let (mut starts, counts) =
+            ([0; 6], [robot.links.len(), robot.joint_count(), robot.contact_points.len(), colliders, 1]);
         (0..5).for_each(|part| starts[part + 1] = starts[part] + WIDTHS[part] * counts[part]);
         Self(starts)
     }

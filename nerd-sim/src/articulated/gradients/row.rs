@@ -18,8 +18,8 @@ pub(super) struct Row {
     pub(super) torque: Vec<f64>,
     /// With respect to target and speed of each joint's drive.
     pub(super) drives: Vec<[f64; 2]>,
-    /// With respect to w of every touch, accumulated over the frame's substeps so far; `damping_used` and `shares` likewise,
-    /// with respect to the joints' damping and implicit resistance.
+    /// With respect to w of every touch, accumulated over the frame's substeps so far; `damping_used` and `shares`
+    /// likewise, with respect to the joints' damping and implicit resistance.
     pub(super) weights: Vec<f64>,
     /// With respect to the trace of a contact's 3x3 w; w across the normal is the trace less w along it.
     pub(super) across: Vec<f64>,
@@ -76,7 +76,8 @@ impl Row {
         let mut out = [&self.pose[..], &self.speed].concat();
         if robot.floating() {
             let (r, [a, b]) = (quaternion(&state[3..7]).inverse(), own_velocity(state, robot.nq()));
-            let [turn, way, by_w, by_v] = [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(|x| r * vector(x));
+            let [turn, way, by_w, by_v] =
+                [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(|x| r * vector(x));
             set(&mut out, [turn + a.cross(&by_w) + b.cross(&by_v), way]);
             set(&mut out[robot.nv()..], [by_w, by_v]);
         }

@@ -43,7 +43,13 @@ struct Solved<'a> {
 impl Solved<'_> {
     /// Backward pass over its solve, from the row's gradient `rate` to all inputs except the middle velocity.
     /// `by_middle` becomes the gradient with respect to the middle velocity.
-    fn back(&self, row: &mut Row, adjoint: &mut Adjoint, columns: &mut Vec<(usize, Vector3<f64>)>, by_middle: &mut [f64]) {
+    fn back(
+        &self,
+        row: &mut Row,
+        adjoint: &mut Adjoint,
+        columns: &mut Vec<(usize, Vector3<f64>)>,
+        by_middle: &mut [f64],
+    ) {
         let Self { place, step, stage, laws, qdd, solver, data, starts } = *self;
         let (robot, h) = (&place.system.robot, step.h);
         let dofs = robot.root_dofs();
@@ -88,7 +94,8 @@ impl Solved<'_> {
             match law {
                 Law::Contact(contact, law, turn) => {
                     let later = if stage.again { HELD_FACTOR } else { 1.0 };
-                    by_turn += solve_adjoint(place, contact, (law, turn.as_ref()), (h, later), data, starts, adjoint, row);
+                    by_turn +=
+                        solve_adjoint(place, contact, (law, turn.as_ref()), (h, later), data, starts, adjoint, row);
                 }
                 Law::Joint(joint, weight, law) => {
                     let own = virtuals[dofs + joint];
@@ -128,7 +135,14 @@ pub(super) struct Place<'a> {
 impl Workspace {
     /// Takes the rows' gradients `rate` from this stage's rate to the substep's inputs and the rate of the stage
     /// before. Needs kinematics and mass matrix at the substep's middle.
-    pub(super) fn back_stage(&mut self, place: Place, step: &Step, stage: &Stage, rows: &mut [Row], memory: &mut Memory) {
+    pub(super) fn back_stage(
+        &mut self,
+        place: Place,
+        step: &Step,
+        stage: &Stage,
+        rows: &mut [Row],
+        memory: &mut Memory,
+    ) {
         let (robot, h) = (&place.system.robot, step.h);
         let dofs = robot.root_dofs();
         bias(robot, &stage.middle, &place.scene.gravity, &mut self.data);
@@ -155,14 +169,17 @@ impl Workspace {
                     let Some(turn) = turn else { continue };
                     for (i, a) in turns(robot, (&data.dof, &data.axis), contact.link) {
                         let along = turn.by_change.tr_mul(&a) * h;
-                        turns(robot, (&data.dof, &data.axis), contact.link).for_each(|(j, b)| matrix[(j, i)] -= along.dot(&b));
+                        turns(robot, (&data.dof, &data.axis), contact.link)
+                            .for_each(|(j, b)| matrix[(j, i)] -= along.dot(&b));
                         if turn.then.is_none() {
                             let along = law.by_change.tr_mul(&contact.normal) * (turn.by_press.dot(&a) * h);
                             columns.iter().for_each(|(j, b)| matrix[(*j, i)] -= along.dot(b));
                         }
                     }
                 }
-                Law::Joint(joint, _, law) | Law::Drive(joint, _, law) => matrix[(dofs + joint, dofs + joint)] -= h * law.by_change,
+                Law::Joint(joint, _, law) | Law::Drive(joint, _, law) => {
+                    matrix[(dofs + joint, dofs + joint)] -= h * law.by_change
+                }
             }
         }
         let solver = matrix.clone().lu();
@@ -199,7 +216,14 @@ impl Workspace {
     }
 
     /// Laws of the touches in a stage; needs `bias` at its middle velocity.
-    fn laws(&self, place: Place, step: &Step, stage: &Stage, (qdd, turn): (&[f64], &Vector3<f64>), quickened: &[Motion]) -> Vec<Law> {
+    fn laws(
+        &self,
+        place: Place,
+        step: &Step,
+        stage: &Stage,
+        (qdd, turn): (&[f64], &Vector3<f64>),
+        quickened: &[Motion],
+    ) -> Vec<Law> {
         let Place { system, scene, friction } = place;
         let (robot, h) = (&system.robot, step.h);
         let weight = |index: usize| self.touches.weights[index].unwrap_or(f64::INFINITY);
@@ -213,7 +237,8 @@ impl Workspace {
                 }
                 contact.bend(&robot.contact_points[contact.point], &self.data, &(scene.gravity - turn), turn, h);
                 let law = ContactLaw::of(&contact, &at, &contact.whole, &(quickened[contact.link].at(&contact.x) * h));
-                let turn = contact.turns().then(|| TurnLaw::of(&contact, &at, &law, &(quickened[contact.link].ang * h)));
+                let turn =
+                    contact.turns().then(|| TurnLaw::of(&contact, &at, &law, &(quickened[contact.link].ang * h)));
                 Law::Contact(contact, law, turn)
             }
             Touch::Limit(spring) => {
@@ -227,7 +252,13 @@ impl Workspace {
             }
             Touch::Friction(dry) => Law::Joint(dry.joint, None, JointLaw::friction(dry, &at, change(dry.joint))),
         };
-        step.touches.iter().enumerate().zip(&stage.idle).filter(|(_, idle)| !**idle).map(|(touch, _)| law(touch)).collect()
+        step.touches
+            .iter()
+            .enumerate()
+            .zip(&stage.idle)
+            .filter(|(_, idle)| !**idle)
+            .map(|(touch, _)| law(touch))
+            .collect()
     }
 }
 
@@ -257,7 +288,8 @@ fn solve_adjoint(
     row.holds[contact.index].lin += law.by_held.tr_mul(&by_force) * later;
     row.begun[contact.index].lin += law.by_begun.tr_mul(&by_force);
     let mut by_across = law.by_across.dot(&by_force);
-    let [by_change, mut by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|gradient| gradient.tr_mul(&by_force));
+    let [by_change, mut by_velocity, by_bend] =
+        [law.by_change, law.by_velocity, law.by_bend].map(|gradient| gradient.tr_mul(&by_force));
     let (mut by_gap, along) = (law.by_gap.dot(&by_force), by_change * h);
     if let Some(then) = then {
         by_gap += then.by_gap * by_press;
@@ -307,12 +339,18 @@ fn solve_adjoint(
                 None => by_turned += law.force * by_press,
             }
         }
-        let mets = place.system.surfaces.meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
+        let mets = place
+            .system
+            .surfaces
+            .meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
         if let Some(Meeting::Law(pair)) = mets {
             // The pair's law is constant: its material is a multiple of the robot's; its friction counts only where one
             // value is set for all pairs.
             let one = f64::from(place.system.one_friction.is_some() && pair.condim > 1);
-            by_material.iter_mut().zip([pair.factors[0], pair.factors[1], 1.0, one, 0.0, 0.0, 0.0]).for_each(|(by, own)| *by *= own);
+            by_material
+                .iter_mut()
+                .zip([pair.factors[0], pair.factors[1], 1.0, one, 0.0, 0.0, 0.0])
+                .for_each(|(by, own)| *by *= own);
         }
         row.numbers.add(MATERIAL, collider, by_material);
         row.numbers.add(GRAVITY, 0, by_bend.into());

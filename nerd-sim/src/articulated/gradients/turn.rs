@@ -61,7 +61,8 @@ impl Press {
             Self {
                 by_gap,
                 by_vn,
-                by_material: release.map_or([-contact.gap * part, -vn * part], |time| [-(contact.gap + vn * time) * part, 0.0]),
+                by_material: release
+                    .map_or([-contact.gap * part, -vn * part], |time| [-(contact.gap + vn * time) * part, 0.0]),
             },
         )
     }
@@ -86,7 +87,8 @@ impl TurnLaw {
             turning.laws(n, &contact.material, &slip).map(|(rate, law)| Drag::of(press, rate, &law, Friction::Coulomb));
         // Derivatives of the drags with respect to `slip`.
         let by_fast = n * (drag.by_speed * about_then.signum());
-        let by_faster = if drag_across.by_speed == 0.0 { Vector3::zeros() } else { across_then.normalize() * drag_across.by_speed };
+        let by_faster =
+            if drag_across.by_speed == 0.0 { Vector3::zeros() } else { across_then.normalize() * drag_across.by_speed };
         let both = n * n.transpose();
         let by_seen = both * (drag_across.value - drag.value) - Matrix3::identity() * drag_across.value;
         let by_drags = -(n * about * by_fast.transpose() + across * by_faster.transpose());
@@ -95,12 +97,14 @@ impl TurnLaw {
             + across * by_faster.transpose() * about_then;
         let by = |about_by: f64, across_by: f64| n * (-about * about_by) - across * across_by;
         // The offset is the held torque over the sticking drag.
-        let (c, lin, by_slip) = (turning.stick(&contact.material), contact.material.friction_damping, by_seen + by_drags);
+        let (c, lin, by_slip) =
+            (turning.stick(&contact.material), contact.material.friction_damping, by_seen + by_drags);
         let [by_held, by_begun] = if at.first { [by_seen, by_drags] } else { [by_slip, Matrix3::zeros()] };
         let sticks = at.friction == Friction::Coulomb;
         let by_torque = if sticks { -1.0 / c } else { 0.0 };
         let own = |drag: &Drag| if drag.value > 0.0 { drag.by_damping } else { 0.0 };
-        let by_stick = by(own(&drag), own(&drag_across)) + (by_held * turning.turn_offset + by_begun * turning.turn_offset_start) / c;
+        let by_stick = by(own(&drag), own(&drag_across))
+            + (by_held * turning.turn_offset + by_begun * turning.turn_offset_start) / c;
         Self {
             torque: by_seen * seen,
             by_change: if at.first { by_seen } else { by_slip },

@@ -36,7 +36,8 @@ impl CableSpec {
                 } else {
                     Isometry3::translation(step, 0.0, 0.0)
                 };
-                let mut hinges = vec![("sway", Vector3::z_axis(), self.bending), ("bend", Vector3::y_axis(), self.bending)];
+                let mut hinges =
+                    vec![("sway", Vector3::z_axis(), self.bending), ("bend", Vector3::y_axis(), self.bending)];
                 hinges.extend(self.twisting.map(|stiffness| ("twist", Vector3::x_axis(), stiffness)));
                 let last = hinges.len() - 1;
                 for (i, (word, axis, stiffness)) in hinges.into_iter().enumerate() {
@@ -47,15 +48,19 @@ impl CableSpec {
                         Some(damping) if self.bending > 0.0 => joint.stiffness * damping / self.bending,
                         Some(damping) => damping / step,
                     };
-                    let (name, inertia) =
-                        if i == last { (name.clone(), rod) } else { (format!("{word}{}", k + 1), BodyInertia::default()) };
+                    let (name, inertia) = if i == last {
+                        (name.clone(), rod)
+                    } else {
+                        (format!("{word}{}", k + 1), BodyInertia::default())
+                    };
                     robot.links.push(Link::new(name, parent, Some(joint), inertia));
                     parent = Some(robot.links.len() - 1);
                     origin = Isometry3::identity();
                 }
             }
             let end = |x: f64| ContactPoint::new(robot.links.len() - 1, Vector3::x() * x, radius);
-            let ends = if k == 0 && self.support == Support::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
+            let ends =
+                if k == 0 && self.support == Support::Free { vec![end(0.0), end(step)] } else { vec![end(step)] };
             robot.contact_points.extend(ends);
         }
         robot
@@ -66,14 +71,26 @@ impl CableSpec {
     fn carriage(&self, robot: &mut Robot) -> usize {
         let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
         let (slide, turn) = (JointKind::Prismatic, JointKind::Continuous);
-        let axes = [("x", slide, x), ("y", slide, y), ("z", slide, z), ("yaw", turn, z), ("pitch", turn, y), ("roll", turn, x)];
+        let axes = [
+            ("x", slide, x),
+            ("y", slide, y),
+            ("z", slide, z),
+            ("yaw", turn, z),
+            ("pitch", turn, y),
+            ("roll", turn, x),
+        ];
         for (k, (name, kind, axis)) in axes.into_iter().enumerate() {
             let mut joint = Joint::new(name, kind, Isometry3::identity(), axis);
             (joint.armature, joint.stiffness) = self.drive(kind == slide);
             joint.damping = 2.0 * (joint.armature * joint.stiffness).sqrt();
             let (mass, radius) = (self.mass / self.links as f64, 3.0 * self.diameter);
-            let ball = BodyInertia { mass, com: Vector3::zeros(), inertia: Matrix3::identity() * (0.4 * mass * radius * radius) };
-            let (name, inertia) = if k < 5 { (format!("axis_{name}"), BodyInertia::default()) } else { ("gripper".into(), ball) };
+            let ball = BodyInertia {
+                mass,
+                com: Vector3::zeros(),
+                inertia: Matrix3::identity() * (0.4 * mass * radius * radius),
+            };
+            let (name, inertia) =
+                if k < 5 { (format!("axis_{name}"), BodyInertia::default()) } else { ("gripper".into(), ball) };
             robot.links.push(Link::new(name, k.checked_sub(1), Some(joint), inertia));
         }
         5
@@ -81,7 +98,8 @@ impl CableSpec {
 
     /// Armature and stiffness of a gripper axis: large enough that the cable hardly moves it.
     fn drive(&self, slides: bool) -> (f64, f64) {
-        let stiffness = if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
+        let stiffness =
+            if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
         (rounded(stiffness / (PULSE * PULSE)), rounded(stiffness))
     }
 }

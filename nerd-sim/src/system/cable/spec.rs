@@ -62,7 +62,8 @@ fn forward() -> [f64; 3] {
 impl CableSpec {
     /// Refuses a cable with a number out of range.
     pub fn check(&self) -> Result<(), String> {
-        let within = |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
+        let within =
+            |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
         within("length", self.length, 1e-3, 1e4, "m")?;
         within("diameter", self.diameter, 1e-6, self.length, "m")?;
         within("mass", self.mass, 1e-9, 1e6, "kg")?;

@@ -23,10 +23,14 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
         let collider = Collider::shaped(&shape, &at, Material::default());
         let deep = |p: &&ContactPoint| {
             let middle = point_position(&data, p.link, &p.local);
-            robot.links[p.link].parent.is_some() && collider.meets(p, &data, &middle, f64::INFINITY).distance < p.radius - MOUNTED
+            robot.links[p.link].parent.is_some()
+                && collider.meets(p, &data, &middle, f64::INFINITY).distance < p.radius - MOUNTED
         };
         match robot.contact_points.iter().find(deep) {
-            Some(p) => notes.push(format!("a shape of the base touches nothing, since `{}` is inside of it", robot.links[p.link].name)),
+            Some(p) => notes.push(format!(
+                "a shape of the base touches nothing, since `{}` is inside of it",
+                robot.links[p.link].name
+            )),
             None => {
                 kept.push(shape);
                 solid.push(collider);
@@ -57,7 +61,10 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
     own.sort_by_key(|p| p.link);
     robot.contact_points = own;
     if !kept.is_empty() {
-        notes.push(format!("{} shapes of the fixed base are part of every scene but `free`; scene `base` is these alone", kept.len()));
+        notes.push(format!(
+            "{} shapes of the fixed base are part of every scene but `free`; scene `base` is these alone",
+            kept.len()
+        ));
     }
     kept
 }

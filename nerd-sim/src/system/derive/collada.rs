@@ -41,7 +41,10 @@ impl<'a> File<'a> {
     /// The target of a reference such as `url="#id"`.
     fn target(&self, node: &Node, key: &str) -> Result<Node<'a, 'a>, String> {
         let id = node.attribute(key).unwrap_or_default().trim_start_matches('#');
-        self.ids.get(id).copied().ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
+        self.ids
+            .get(id)
+            .copied()
+            .ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))
     }
 
     /// Reads a node or scene; `place` is the transform of its parent nodes.
@@ -81,12 +84,18 @@ impl<'a> File<'a> {
         let inputs = geometry.descendants().filter(|n| n.tag_name().name() == "vertices").flat_map(|n| n.children());
         for input in inputs.filter(|n| n.attribute("semantic") == Some("POSITION")) {
             let source = self.target(&input, "source")?;
-            let floats = source.children().find(|n| n.tag_name().name() == "float_array").ok_or("a source without <float_array>")?;
+            let floats = source
+                .children()
+                .find(|n| n.tag_name().name() == "float_array")
+                .ok_or("a source without <float_array>")?;
             let accessor = source.descendants().find(|n| n.tag_name().name() == "accessor");
             let stride = accessor.and_then(|n| n.attribute("stride")?.parse().ok()).unwrap_or(3).max(3);
-            let floats = floats.text().unwrap_or_default().split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
+            let floats =
+                floats.text().unwrap_or_default().split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
             let floats = floats.map_err(|_| "<float_array> with a word that is not a number")?;
-            self.found.extend(floats.chunks_exact(stride).map(|p| place.transform_point(&Point3::new(p[0], p[1], p[2])).coords));
+            self.found.extend(
+                floats.chunks_exact(stride).map(|p| place.transform_point(&Point3::new(p[0], p[1], p[2])).coords),
+            );
             if self.found.len() > MOST {
                 return Err(format!("more than {MOST} vertices"));
             }

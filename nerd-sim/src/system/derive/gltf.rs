@@ -11,7 +11,8 @@ use crate::system::mesh::file::{DEEPEST, LARGEST, MOST, NODES, bytes_of};
 
 /// The vertices (m); buffers are found relative to `path`, the file.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {
-    let Gltf { document, mut blob } = Gltf::from_slice(bytes).map_err(|e| format!("is no glTF that can be read: {e}"))?;
+    let Gltf { document, mut blob } =
+        Gltf::from_slice(bytes).map_err(|e| format!("is no glTF that can be read: {e}"))?;
     let buffers = document.buffers().map(|buffer| match buffer.source() {
         Source::Bin => blob.take().ok_or("a binary buffer is missing".to_string()),
         Source::Uri(uri) => match uri.split_once(";base64,") {

@@ -30,15 +30,20 @@ impl Ground {
     /// has one.
     pub fn of(own: &Table, file: &Description, (stands, surfaces): (&[Collider], &Surfaces)) -> Self {
         let key = |key: &str| own.get(key).or_else(|| file.keys.get(key));
-        let gravity = key("gravity").and_then(|x| x.clone().try_into::<[f64; 3]>().ok()).unwrap_or([0.0, 0.0, -GRAVITY]).into();
+        let gravity =
+            key("gravity").and_then(|x| x.clone().try_into::<[f64; 3]>().ok()).unwrap_or([0.0, 0.0, -GRAVITY]).into();
         let (up, name) = (up(&gravity), key("data_scene").and_then(Value::as_str).unwrap_or_default());
         let scenes = own.get("scene").and_then(Value::as_array).into_iter().flatten();
         let named = scenes.filter(|scene| scene.get("name").and_then(Value::as_str) == Some(name));
-        let own = named.filter_map(|scene| scene.clone().try_into::<SceneSpec>().ok()).map(|scene| flat(&gravity, &scene.plane)).next();
+        let own = named
+            .filter_map(|scene| scene.clone().try_into::<SceneSpec>().ok())
+            .map(|scene| flat(&gravity, &scene.plane))
+            .next();
         let ground = |plane: &Plane| plane.normal.dot(&up) > STEEPEST;
         let files = || file.planes().find(ground);
         // No built-in world rises above the plane through the origin at a robot's start.
-        let worlds = || Some(Plane { offset: 0.0, ..world(name, &gravity, Material::default())?.colliders.first()?.plane? });
+        let worlds =
+            || Some(Plane { offset: 0.0, ..world(name, &gravity, Material::default())?.colliders.first()?.plane? });
         let files_own = own.is_none() && name == GROUND;
         let solids = stands.iter().filter(|body| files_own && body.plane.is_none()).cloned().collect();
         let plane = own.or_else(|| if name == GROUND { files() } else { worlds() }).filter(ground);

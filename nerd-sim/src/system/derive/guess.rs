@@ -100,7 +100,8 @@ pub(crate) fn derived(
     } else if robot.floating() {
         notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
     }
-    let place = |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
+    let place =
+        |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
     let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
     let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, &data, &ground.plane.normal)).collect();
     let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
@@ -141,7 +142,9 @@ pub(crate) fn derived(
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
-    let absurd = |joint: &&Joint| joint.kind != JointKind::Prismatic && joint.effort.is_finite() && joint.effort > ABSURD * weight * extent;
+    let absurd = |joint: &&Joint| {
+        joint.kind != JointKind::Prismatic && joint.effort.is_finite() && joint.effort > ABSURD * weight * extent
+    };
     if let Some(joint) = robot.joints().filter(|_| driven).find(absurd) {
         notes.push(format!(
             "effort {} N m of `{}` is {:.0} times the robot's weight times its extent: a placeholder? Give its [[joint]] gain, kp and kd in a .toml",
@@ -153,15 +156,24 @@ pub(crate) fn derived(
     let torques = torques(robot, &ground.up);
     let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
-    let joints = joints.map(|(((joint, torque), q), effort)| joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort)));
+    let joints = joints.map(|(((joint, torque), q), effort)| {
+        joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort))
+    });
     let mut joints: Vec<JointSpec> = joints.collect();
     // URDF has no rotor inertia. Only a joint without any other inertia needs it.
-    for (joint, spec) in
-        bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
+    for (joint, spec) in bare(robot, BARE * robot.mass() * extent * extent)
+        .into_iter()
+        .zip(&mut joints)
+        .filter_map(|(bare, spec)| Some((bare?, spec)))
     {
         spec.armature = rotor(&joint, None);
     }
-    let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
+    let guessed = joints
+        .iter()
+        .filter(|j| j.armature > 0.0)
+        .map(|j| format!("{} {}", j.name, j.armature))
+        .collect::<Vec<_>>()
+        .join(", ");
     if !guessed.is_empty() {
         notes.push(format!(
             "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {START} s / velocity (kg m^2 or kg): \
@@ -169,13 +181,15 @@ pub(crate) fn derived(
         ));
     }
     let contacts = listed(robot);
-    let mut material = if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
+    let mut material =
+        if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
     material.friction = file.surfaces.usual_friction().unwrap_or(material.friction);
     Spec {
         floating,
         substeps: 8,
         material,
-        random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
+        random_plane: (touches && !floating)
+            .then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
         root: floating.then(|| root(ground, height, file.quaternion, [extent, lift], touches.then_some(clearance))),
@@ -235,7 +249,13 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
 
 /// Default pose and starts. `clearance` is measured from the centres of spherical contacts, `None` without contact
 /// points. Starts clear of the ground are higher than the default pose by at least `lift`.
-fn root(ground: &Ground, height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: Option<f64>) -> RootSpec {
+fn root(
+    ground: &Ground,
+    height: f64,
+    quaternion: [f64; 4],
+    [extent, lift]: [f64; 2],
+    clearance: Option<f64>,
+) -> RootSpec {
     let above = |share: f64| ground.places(height, height + (lift + share * extent) / ground.slope());
     RootSpec {
         position: ground.place(height),
@@ -253,7 +273,13 @@ fn root(ground: &Ground, height: f64, quaternion: [f64; 4], [extent, lift]: [f64
 }
 
 /// `effort` is the motor's torque limit in a driven robot with a free base.
-fn joint_spec(joint: &Joint, torque: f64, default_q: f64, [weight, extent]: [f64; 2], effort: Option<f64>) -> JointSpec {
+fn joint_spec(
+    joint: &Joint,
+    torque: f64,
+    default_q: f64,
+    [weight, extent]: [f64; 2],
+    effort: Option<f64>,
+) -> JointSpec {
     let slides = joint.kind == JointKind::Prismatic;
     let gain = stiffness(weight, extent, slides);
     let (low, high) = match joint.limit {
@@ -311,7 +337,10 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
     let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
     // A joint with an axis through its load carries nothing, but still has a motor.
     let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
-    all.into_iter().zip(robot.joints()).map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) }).collect()
+    all.into_iter()
+        .zip(robot.joints())
+        .map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) })
+        .collect()
 }
 
 /// Inertia of a motor's rotor felt at its joint (kg m^2 or kg). Without an effort in the file, `effort` is used; 0 if
@@ -333,7 +362,8 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
         loop {
             let found = if tree.refill(&heavier, &data, &[], &[]) {
                 tree.spread(&heavier, &data);
-                let inv_masses = (0..bare.len()).map(|i| (i, tree.inv_mass(&heavier, i + usize::from(robot.floating()))));
+                let inv_masses =
+                    (0..bare.len()).map(|i| (i, tree.inv_mass(&heavier, i + usize::from(robot.floating()))));
                 inv_masses
                     .filter(|(_, inv_mass)| inv_mass.is_nan() || inv_mass * least >= 1.0)
                     .max_by(|a, b| a.1.total_cmp(&b.1))

@@ -32,13 +32,15 @@ impl Leg {
     /// The leg with links among `all`, starting with the hip; `None` without contact points. `data` has the kinematics
     /// with all joints at zero, where feet count as level.
     pub fn new(robot: &Robot, data: &Data, up: &Vector3<f64>, all: std::ops::Range<usize>) -> Option<Self> {
-        let above = |link: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent.filter(|_| *k != all.start));
+        let above =
+            |link: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent.filter(|_| *k != all.start));
         let length = |link: usize| {
             let chain: Vec<usize> = above(link).collect();
             chain.windows(2).map(|pair| (data.position[pair[0]] - data.position[pair[1]]).norm()).sum::<f64>()
         };
         let touching = robot.contact_points.iter().filter(|p| all.contains(&p.link));
-        let places: Vec<(usize, Vector3<f64>)> = touching.flat_map(|p| p.places().into_iter().map(|at| (p.link, at))).collect();
+        let places: Vec<(usize, Vector3<f64>)> =
+            touching.flat_map(|p| p.places().into_iter().map(|at| (p.link, at))).collect();
         let far = |(link, at): &(usize, Vector3<f64>)| length(*link) + at.norm();
         let (last, end) = places.iter().max_by(|a, b| far(a).total_cmp(&far(b))).copied()?;
         let mut links: Vec<usize> = above(last).collect();
@@ -49,7 +51,8 @@ impl Leg {
         let soles = places.into_iter().filter(|(link, at)| *link == last && low(at)).map(|(_, at)| at);
         let [least, most] = soles.fold([end; 2], |[a, b], at| [a.inf(&at), b.sup(&at)]);
         let (middle, up) = (0.5 * (least + most), data.rotation[last].transpose() * up);
-        let wheel = robot.links[last].joint.as_ref().filter(|joint| endless(joint)).map(|joint| joint.axis().into_inner());
+        let wheel =
+            robot.links[last].joint.as_ref().filter(|joint| endless(joint)).map(|joint| joint.axis().into_inner());
         // A wheel may have any orientation.
         let (sole, level) = wheel.map_or((middle, Some(up)), |axis| (axis * axis.dot(&middle), None));
         Some(Self { links, sole, level, reach: 0.0 })
@@ -72,7 +75,9 @@ impl Leg {
         let limit = |link: usize| robot.links[link].joint.as_ref().and_then(|joint| joint.limit);
         let within = |link: usize, q: f64| limit(link).map_or(q, |limit| q.clamp(limit.lower, limit.upper));
         // A straight leg is singular, so bend it slightly.
-        let inside = |link: &usize| limit(*link).is_none_or(|limit| limit.lower < state[at(*link)] && state[at(*link)] < limit.upper);
+        let inside = |link: &usize| {
+            limit(*link).is_none_or(|limit| limit.lower < state[at(*link)] && state[at(*link)] < limit.upper)
+        };
         if self.links.iter().all(inside) {
             for (link, limit) in self.links.iter().filter_map(|link| Some((*link, limit(*link)?))) {
                 state[at(link)] += (0.5 * (limit.lower + limit.upper) - state[at(link)]).clamp(-SEED, SEED);

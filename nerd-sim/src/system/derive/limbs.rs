@@ -72,7 +72,8 @@ impl Limbs {
     pub(super) fn hips(&self) -> Vec<usize> {
         let length = |link: usize| self.origin[link] - self.lowest[link];
         let longest = (1..self.own.len()).map(length).fold(0.0, f64::max);
-        let bears = |link: &usize| length(*link) > LEG * longest && self.lowest[*link] < self.lowest[0] + LEVEL * longest;
+        let bears =
+            |link: &usize| length(*link) > LEG * longest && self.lowest[*link] < self.lowest[0] + LEVEL * longest;
         let limbs = |body: usize| self.below[body].iter().copied().filter(bears).collect::<Vec<_>>();
         let mut hips: Vec<Vec<usize>> = vec![Vec::new(); self.own.len()];
         for body in (0..hips.len()).rev() {

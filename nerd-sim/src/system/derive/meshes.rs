@@ -41,14 +41,18 @@ fn load(bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
             let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("v "));
             let vertex = |(n, line): (usize, &str)| {
                 let xyz: Vec<f64> = line.split_whitespace().skip(1).take(3).filter_map(|x| x.parse().ok()).collect();
-                (xyz.len() == 3).then(|| Vector3::from_column_slice(&xyz)).ok_or(format!("line {}: a vertex needs three numbers", n + 1))
+                (xyz.len() == 3)
+                    .then(|| Vector3::from_column_slice(&xyz))
+                    .ok_or(format!("line {}: a vertex needs three numbers", n + 1))
             };
             lines.map(vertex).collect()
         }
         "dae" => collada::vertices(&String::from_utf8_lossy(&bytes)),
         "gltf" | "glb" => gltf::vertices(&bytes, path),
         "ply" => ply(&bytes),
-        other => Err(format!("is of a kind (.{other}) that is not read; STL, OBJ, COLLADA (.dae), glTF (.gltf, .glb) and PLY are")),
+        other => Err(format!(
+            "is of a kind (.{other}) that is not read; STL, OBJ, COLLADA (.dae), glTF (.gltf, .glb) and PLY are"
+        )),
     }
 }
 

@@ -16,8 +16,12 @@ pub(crate) fn rounded(x: f64) -> f64 {
 pub(crate) fn plain(robot: &Robot) -> Spec {
     let law = |x: f64| Range { low: -x, high: x };
     let starts = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
-    let joint =
-        |joint: &Joint| JointSpec { name: joint.name.clone(), sample: starts(1.0, 1.0), reset: starts(0.1, 0.0), ..JointSpec::default() };
+    let joint = |joint: &Joint| JointSpec {
+        name: joint.name.clone(),
+        sample: starts(1.0, 1.0),
+        reset: starts(0.1, 0.0),
+        ..JointSpec::default()
+    };
     Spec {
         floating: robot.floating(),
         frame_time: "1/60".into(),
@@ -43,7 +47,9 @@ pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
                 let axis = frame.inverse_transform_vector(axis).into();
                 ContactSpec { point: at(), axis: Some(axis), rim: Some(*radius), ..ContactSpec::default() }
             }
-            Locus::Hull { vertices, .. } => ContactSpec { vertices: vertices.iter().map(place).collect(), ..ContactSpec::default() },
+            Locus::Hull { vertices, .. } => {
+                ContactSpec { vertices: vertices.iter().map(place).collect(), ..ContactSpec::default() }
+            }
         };
         let thickness = (p.thickness != p.radius).then_some(p.thickness);
         Some(ContactSpec { link: robot.links[p.link].name.clone(), radius: p.radius, thickness, ..own })

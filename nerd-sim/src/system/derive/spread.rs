@@ -27,7 +27,8 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     let outer = (0..points.len()).max_by(|a, b| (points[*a] - middle).norm().total_cmp(&(points[*b] - middle).norm()));
     let mut next = outer.map(|k| (k, 0.0));
     for corner in if most < 4 { 0..0 } else { 0..8 } {
-        let towards = Vector3::new(0, 1, 2).map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }).component_mul(&unit);
+        let towards =
+            Vector3::new(0, 1, 2).map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }).component_mul(&unit);
         let far = |p: &Vector3<f64>| towards.dot(p);
         let Some(k) = (0..points.len()).max_by(|a, b| far(&points[*a]).total_cmp(&far(&points[*b]))) else { break };
         if taken.len() < most && taken.iter().all(|t| (points[*t] - points[k]).norm() > 1e-6) {
@@ -62,7 +63,13 @@ pub(crate) fn endless(joint: &Joint) -> bool {
 /// At most `most` contact points with the same support as spheres of `radius` (m) about all `places` on a link. Few
 /// places become a point each, many the deepest point of each cluster. `seen` are the places in axes with the third
 /// axis up.
-pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f64>], radius: f64, most: usize) -> Vec<ContactPoint> {
+pub(crate) fn partition(
+    link: usize,
+    places: &[Vector3<f64>],
+    seen: &[Vector3<f64>],
+    radius: f64,
+    most: usize,
+) -> Vec<ContactPoint> {
     if places.len() <= most {
         return places.iter().map(|place| ContactPoint::new(link, *place, radius)).collect();
     }
@@ -155,8 +162,9 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
 /// Removes, one after the other, shapes that reach at most `off` (m) beyond all others in every direction.
 fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off: f64) {
     let directions: Vec<Vector3<f64>> = around(AROUND).collect();
-    let further =
-        |far: &mut Vec<f64>, disc: &[ContactPoint]| far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)));
+    let further = |far: &mut Vec<f64>, disc: &[ContactPoint]| {
+        far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)))
+    };
     // Support of the shapes after each shape, then of the kept shapes before it.
     let mut behind = vec![vec![f64::NEG_INFINITY; directions.len()]];
     for disc in round.iter().skip(1).rev() {
@@ -192,8 +200,9 @@ mod tests {
     fn points_of_a_sole_are_its_corners() {
         // Points all over a box of 0.2 x 0.1 x 0.02 m.
         let steps = |n: i32| (0..=n).map(move |k| f64::from(k) / f64::from(n) - 0.5);
-        let all: Vec<Vector3<f64>> =
-            steps(8).flat_map(|x| steps(8).flat_map(move |y| steps(2).map(move |z| Vector3::new(0.2 * x, 0.1 * y, 0.02 * z)))).collect();
+        let all: Vec<Vector3<f64>> = steps(8)
+            .flat_map(|x| steps(8).flat_map(move |y| steps(2).map(move |z| Vector3::new(0.2 * x, 0.1 * y, 0.02 * z))))
+            .collect();
         let found = spread(&all, 8);
         assert_eq!(found.len(), 8);
         for p in found.iter().map(|k| all[*k]) {

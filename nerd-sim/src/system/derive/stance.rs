@@ -28,9 +28,12 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let (mut data, mut straight) = (Data::new(robot), state.to_vec());
     straight[robot.root_coords()..].fill(0.0);
     kinematics(robot, &straight, &mut data);
-    let mut legs: Vec<Leg> = limbs.hips().into_iter().filter_map(|hip| Leg::new(robot, &data, up, limbs.all(hip))).collect();
+    let mut legs: Vec<Leg> =
+        limbs.hips().into_iter().filter_map(|hip| Leg::new(robot, &data, up, limbs.all(hip))).collect();
     let joint = |link: &usize| robot.links[*link].joint.as_ref();
-    let apart = |link: &&usize| joint(link).and_then(|joint| joint.limit).is_some_and(|limit| limit.lower > 0.0 || limit.upper < 0.0);
+    let apart = |link: &&usize| {
+        joint(link).and_then(|joint| joint.limit).is_some_and(|limit| limit.lower > 0.0 || limit.upper < 0.0)
+    };
     if !legs.iter().flat_map(|leg| &leg.links).any(|link| apart(&link)) {
         return false;
     }
@@ -64,7 +67,11 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let lows = hips.iter().zip(&ways).map(|(hip, [way, _])| hip + up.dot(way));
     let uneven = lows.clone().fold(f64::MIN, f64::max) - lows.fold(f64::MAX, f64::min);
     let below = |way: &Vector3<f64>, beside: &Vector3<f64>| (way - beside - up * up.dot(way)).norm();
-    if legs.iter().zip(&ways).all(|(leg, [way, beside])| below(way, beside) < OFF * leg.reach && uneven < UNEVEN * leg.reach) {
+    if legs
+        .iter()
+        .zip(&ways)
+        .all(|(leg, [way, beside])| below(way, beside) < OFF * leg.reach && uneven < UNEVEN * leg.reach)
+    {
         return false;
     }
     // All feet stand on one level, the highest that any leg requires.

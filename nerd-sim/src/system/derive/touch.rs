@@ -22,7 +22,11 @@ pub(crate) fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     meshes.retain(|mesh| match path.as_deref().map(|path| vertices(&mesh.file, &mesh.scale, path)) {
         Some(Ok(vertices)) => {
             let place = |v: Vector3<f64>| mesh.pose.transform_point(&v.into()).coords;
-            hulls.push(Hull { link: mesh.link, vertices: hull(&vertices).0.into_iter().map(place).collect(), surface: mesh.surface });
+            hulls.push(Hull {
+                link: mesh.link,
+                vertices: hull(&vertices).0.into_iter().map(place).collect(),
+                surface: mesh.surface,
+            });
             false
         }
         Some(Err(reason)) => {
@@ -59,7 +63,9 @@ mod tests {
                     link=\"base\"/><child link=\"cube\"/><axis xyz=\"0 0 1\"/><limit lower=\"-1\" upper=\"1\" effort=\"9\" velocity=\"9\"/></joint></robot>";
         let (mut bodies, _) = Bodies::from_urdf(text).expect("bodies");
         let half = |low: f64, surface: usize| {
-            let corner = |k: usize| Vector3::new(0.2 * (k & 1) as f64 - 0.1, 0.1 * (k & 2) as f64 - 0.1, low + 0.025 * (k & 4) as f64);
+            let corner = |k: usize| {
+                Vector3::new(0.2 * (k & 1) as f64 - 0.1, 0.1 * (k & 2) as f64 - 0.1, low + 0.025 * (k & 4) as f64)
+            };
             let form = Form::Hull((0..8).map(corner).chain([Vector3::new(0.0, 0.0, low + 0.05)]).collect());
             Solid { pose: Isometry3::translation(0.0, 0.0, -0.4), form, surface: Some(surface) }
         };
@@ -75,7 +81,9 @@ mod tests {
         let of = |points: &[ContactPoint], surface: usize| -> Vec<f64> {
             points.iter().filter(|p| p.surface == Some(surface)).flat_map(|p| p.places()).map(|at| at.z).collect()
         };
-        let extent = |heights: &[f64]| [heights.iter().copied().fold(f64::MAX, f64::min), heights.iter().copied().fold(f64::MIN, f64::max)];
+        let extent = |heights: &[f64]| {
+            [heights.iter().copied().fold(f64::MAX, f64::min), heights.iter().copied().fold(f64::MIN, f64::max)]
+        };
         // A vertex inside a hull is not a vertex of the hull.
         assert!(read.hulls.iter().all(|hull| hull.vertices.len() == 8));
         let (few, _) = enough(&read.robot, &read.robot.zero_state());

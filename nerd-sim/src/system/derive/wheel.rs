@@ -39,7 +39,9 @@ pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Opti
     // comes first.
     let mean = 0.5 * (low + high) / high;
     let profile: Vec<_> = points.iter().map(|p| Vector3::new(axis.dot(p), mean * axis.cross(p).norm(), 0.0)).collect();
-    let outward = around(SLOPES).filter(|(sin, cos)| *cos > CAMBER.cos() && *sin != 0.0).map(|(sin, cos)| Vector3::new(sin, cos, 0.0));
+    let outward = around(SLOPES)
+        .filter(|(sin, cos)| *cos > CAMBER.cos() && *sin != 0.0)
+        .map(|(sin, cos)| Vector3::new(sin, cos, 0.0));
     let asked = farthest(&profile, outward.chain([Vector3::y()]));
     let kept = cover(&profile, asked, |_| f64::NEG_INFINITY, 2.0 * allowance(points));
     let rim = |k: usize| ContactPoint::disc(link, **axis * profile[k].x, *axis, profile[k].y, SHARP);

@@ -9,14 +9,17 @@ type Triangles = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 /// Vertices and triangles of a file, neither scaled nor merged.
 pub(crate) fn triangles(path: &Path) -> Result<Triangles, String> {
     let bytes = bytes_of(path)?;
-    let read = std::panic::catch_unwind(|| match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
-        "stl" => stl(bytes),
-        "obj" => obj(&String::from_utf8_lossy(&bytes)),
-        "msh" => msh(&bytes),
-        other => Err(format!("triangles of a .{other} are not read; STL, OBJ and MSH are")),
+    let read = std::panic::catch_unwind(|| {
+        match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
+            "stl" => stl(bytes),
+            "obj" => obj(&String::from_utf8_lossy(&bytes)),
+            "msh" => msh(&bytes),
+            other => Err(format!("triangles of a .{other} are not read; STL, OBJ and MSH are")),
+        }
     });
     let (vertices, faces) = read.map_err(|_| "cannot be read".to_string())??;
-    let sound = vertices.iter().all(|v| v.iter().all(|x| x.abs() < 1e9)) && faces.iter().flatten().all(|k| (*k as usize) < vertices.len());
+    let sound = vertices.iter().all(|v| v.iter().all(|x| x.abs() < 1e9))
+        && faces.iter().flatten().all(|k| (*k as usize) < vertices.len());
     if sound { Ok((vertices, faces)) } else { Err("has a vertex that is not finite, or a face without one".into()) }
 }
 
@@ -46,7 +49,8 @@ fn obj(text: &str) -> Result<Triangles, String> {
         let mut words = line.split_whitespace();
         match words.next() {
             Some("v") => {
-                let xyz: Vec<f64> = words.take(3).filter_map(|x| x.parse::<f64>().ok()).map(|x| f64::from(x as f32)).collect();
+                let xyz: Vec<f64> =
+                    words.take(3).filter_map(|x| x.parse::<f64>().ok()).map(|x| f64::from(x as f32)).collect();
                 vertices.push((xyz.len() == 3).then(|| Vector3::from_column_slice(&xyz)).ok_or_else(wrong)?);
             }
             Some("f") => {
@@ -56,7 +60,8 @@ fn obj(text: &str) -> Result<Triangles, String> {
                     let k = if k < 0 { count + k } else { k - 1 };
                     u32::try_from(k).ok()
                 };
-                let mut corners = words.map(corner).collect::<Option<Vec<_>>>().filter(|c| c.len() >= 3).ok_or_else(wrong)?;
+                let mut corners =
+                    words.map(corner).collect::<Option<Vec<_>>>().filter(|c| c.len() >= 3).ok_or_else(wrong)?;
                 let far = |a: u32, b: u32| Some((vertices.get(a as usize)? - vertices.get(b as usize)?).norm_squared());
                 if let [a, b, c, d] = corners[..]
                     && far(a, c) >= far(b, d)

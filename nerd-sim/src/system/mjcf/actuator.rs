@@ -10,7 +10,8 @@ use crate::internal::*;
 pub(super) const READ: [&str; 4] = ["motor", "position", "velocity", "general"];
 
 /// Attributes that name an actuator's target.
-const TARGETS: [&str; 9] = ["joint", "jointinparent", "tendon", "site", "slidersite", "cranksite", "body", "refsite", "cranklength"];
+const TARGETS: [&str; 9] =
+    ["joint", "jointinparent", "tendon", "site", "slidersite", "cranksite", "body", "refsite", "cranklength"];
 
 #[derive(Clone, Debug)]
 pub(super) struct Actuator {
@@ -71,13 +72,16 @@ impl Actuator {
         let mut gear = [self.gear, 0.0, 0.0, 0.0, 0.0, 0.0];
         e.fill("gear", &mut gear)?;
         self.gear = gear[0];
-        for (key, range, said) in
-            [("ctrl", &mut self.control, &mut self.control_limited), ("force", &mut self.force, &mut self.force_limited)]
-        {
+        for (key, range, said) in [
+            ("ctrl", &mut self.control, &mut self.control_limited),
+            ("force", &mut self.force, &mut self.force_limited),
+        ] {
             *range = e.array(&format!("{key}range"))?.unwrap_or(*range);
             *said = e.tristate(&format!("{key}limited")).unwrap_or(*said);
         }
-        if e.number("inheritrange")?.is_some_and(|x| x > 0.0) && e.array("ctrlrange")?.is_some_and(|range: [f64; 2]| range != [0.0; 2]) {
+        if e.number("inheritrange")?.is_some_and(|x| x > 0.0)
+            && e.array("ctrlrange")?.is_some_and(|range: [f64; 2]| range != [0.0; 2])
+        {
             return Err(e.refused("ctrlrange and inheritrange both give its range; write one"));
         }
         e.set("armature", &mut self.armature)?;
@@ -96,7 +100,8 @@ impl Actuator {
                 e.set("kp", &mut law.gain)?;
                 let damping = e.number("kv")?.map(|kv| -kv).or(e.number("dampratio")?).unwrap_or(law.bias[2]);
                 law = Law { gain: law.gain, ..Law::new("affine", [0.0, -law.gain, damping]) };
-                self.dynamics = if e.number("timeconst")?.is_some_and(|time| time != 0.0) { "filterexact" } else { "none" }.into();
+                self.dynamics =
+                    if e.number("timeconst")?.is_some_and(|time| time != 0.0) { "filterexact" } else { "none" }.into();
                 (self.servos[0], self.law) = (law.clone(), law);
             }
             "velocity" => {
@@ -114,7 +119,11 @@ impl Actuator {
                 bias[..3].copy_from_slice(&law.bias);
                 e.fill("biasprm", &mut bias)?;
                 (law.gain, law.bias) = (gains[0], [bias[0], bias[1], bias[2]]);
-                for (key, kind) in [("gaintype", &mut law.gain_kind), ("biastype", &mut law.bias_kind), ("dyntype", &mut self.dynamics)] {
+                for (key, kind) in [
+                    ("gaintype", &mut law.gain_kind),
+                    ("biastype", &mut law.bias_kind),
+                    ("dyntype", &mut self.dynamics),
+                ] {
                     *kind = e.word(key).map_or_else(|| std::mem::take(kind), String::from);
                 }
                 self.servos = [law.clone(), law.clone()];
@@ -134,11 +143,15 @@ impl Actuator {
             return Err(e.refused(format!("{} are its targets; write one", targets.join(" and "))));
         }
         // A fixed gain has a single input.
-        if let Some(input) = e.word("input").filter(|input| !["pos", "vel", "pressure", "quat", "expmap"].contains(input)) {
+        if let Some(input) =
+            e.word("input").filter(|input| !["pos", "vel", "pressure", "quat", "expmap"].contains(input))
+        {
             return Err(e.refused(format!("input=\"{input}\": its law has one, pos, vel or pressure")));
         }
         if self.joint.is_none() && self.tendon.is_none() {
-            return Err(e.refused("it acts on no joint; only actuators on joints, and on fixed tendons of one coordinate, are read"));
+            return Err(e.refused(
+                "it acts on no joint; only actuators on joints, and on fixed tendons of one coordinate, are read",
+            ));
         }
         let laws = [
             ("gaintype", &self.law.gain_kind, "fixed", "gains that depend on position or velocity are not read"),
@@ -148,11 +161,14 @@ impl Actuator {
             return Err(e.refused(format!("{key}=\"{kind}\" is not supported: {why}")));
         }
         if !["none", "affine"].contains(&self.law.bias_kind.as_str()) {
-            return Err(
-                e.refused(format!("biastype=\"{}\" is not supported: only a position and velocity law is read", self.law.bias_kind))
-            );
+            return Err(e.refused(format!(
+                "biastype=\"{}\" is not supported: only a position and velocity law is read",
+                self.law.bias_kind
+            )));
         }
-        for (key, range, said) in [("ctrl", self.control, self.control_limited), ("force", self.force, self.force_limited)] {
+        for (key, range, said) in
+            [("ctrl", self.control, self.control_limited), ("force", self.force, self.force_limited)]
+        {
             if said == Some(true) && range[0] >= range[1] {
                 return Err(e.refused(format!("{key}range {range:?} has no width, and {key}limited is true")));
             }
@@ -161,7 +177,9 @@ impl Actuator {
             return Err(e.refused("actdim is above zero, and its law has no state; leave it out"));
         }
         if self.delay != 0.0 {
-            return Err(e.refused("delay is not supported; leave it out, and give delays as [vary] or motors in a .toml"));
+            return Err(
+                e.refused("delay is not supported; leave it out, and give delays as [vary] or motors in a .toml")
+            );
         }
         let [constant, kp, kd] = self.gains();
         if constant != 0.0 && self.law.gain != 0.0 {
@@ -193,14 +211,20 @@ impl Actuator {
 
     /// Torque limit (N m) or force limit (N) after the gear; infinite without bounds.
     pub fn effort(&self, compiler: &Compiler) -> f64 {
-        let asked = if self.plain() { self.law.gain.abs() * largest(self.control, self.control_limited, compiler) } else { f64::INFINITY };
+        let asked = if self.plain() {
+            self.law.gain.abs() * largest(self.control, self.control_limited, compiler)
+        } else {
+            f64::INFINITY
+        };
         let most = self.gear.abs() * asked.min(largest(self.force, self.force_limited, compiler));
         if most.is_nan() { 0.0 } else { most }
     }
 
     /// Whether the limits of the two directions differ.
     pub fn lopsided(&self, compiler: &Compiler) -> bool {
-        let uneven = |range: [f64; 2], said| super::joint::limited(range, said, compiler).is_some_and(|[low, high]| low != -high);
+        let uneven = |range: [f64; 2], said| {
+            super::joint::limited(range, said, compiler).is_some_and(|[low, high]| low != -high)
+        };
         uneven(self.force, self.force_limited) || self.plain() && uneven(self.control, self.control_limited)
     }
 }

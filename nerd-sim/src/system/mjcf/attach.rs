@@ -23,7 +23,9 @@ impl Reader {
         }
         let models = &scope.source.models;
         let asset = models.iter().find(|asset| asset.word("name") == Some(name) || asset.word("file") == Some(name));
-        let asset = asset.ok_or_else(|| e.refused(format!("there is no <model name=\"{}\"> among the assets", name.escape_debug())))?;
+        let asset = asset.ok_or_else(|| {
+            e.refused(format!("there is no <model name=\"{}\"> among the assets", name.escape_debug()))
+        })?;
         let file = asset.word("file").ok_or_else(|| asset.refused("it names no file"))?;
         let path = scope.source.folder.join(file);
         if self.depth == DEEPEST {
@@ -41,7 +43,8 @@ impl Reader {
             None => root.all("worldbody").try_for_each(|world| self.fill(world, &own))?,
             Some(body) => {
                 let found = root.all("worldbody").find_map(|world| within(world, body));
-                let found = found.ok_or_else(|| e.refused(format!("model `{name}` has no body `{}`", body.escape_debug())))?;
+                let found =
+                    found.ok_or_else(|| e.refused(format!("model `{name}` has no body `{}`", body.escape_debug())))?;
                 self.body(found, &own)?;
             }
         }
@@ -58,8 +61,11 @@ impl Reader {
         // Its keyframes have its own coordinates only.
         self.model.keys.truncate(keys);
         let (bodies, model) = (&self.model.bodies, &mut self.model.actuators);
-        let there = |name: &String| bodies.iter().flat_map(|body| &body.joints).any(|joint| joint.name.as_ref() == Some(name));
-        model.retain(|(actuator, _)| actuator.joint.as_ref().is_none_or(|joint| !joint.starts_with(&scope.at.prefix) || there(joint)));
+        let there =
+            |name: &String| bodies.iter().flat_map(|body| &body.joints).any(|joint| joint.name.as_ref() == Some(name));
+        model.retain(|(actuator, _)| {
+            actuator.joint.as_ref().is_none_or(|joint| !joint.starts_with(&scope.at.prefix) || there(joint))
+        });
         Ok(())
     }
 }

@@ -71,7 +71,9 @@ impl Reader {
         );
         body.name = e.word("name").map(|name| scope.at.name(name));
         (body.mocap, body.weightless) = (e.flag("mocap").unwrap_or(false), weightless);
-        if body.mocap && (scope.body != 0 || e.children.iter().any(|c| ["joint", "freejoint"].contains(&c.tag.as_str()))) {
+        if body.mocap
+            && (scope.body != 0 || e.children.iter().any(|c| ["joint", "freejoint"].contains(&c.tag.as_str())))
+        {
             return Err(e.refused("a mocap body is in the world and has no joint"));
         }
         self.model.bodies.push(body);
@@ -112,7 +114,8 @@ impl Reader {
 
     /// Expands `<replicate>`: copies, each displaced by an offset and a rotation relative to the previous copy.
     fn replicate(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
-        let count = e.whole("count")?.filter(|n| *n > 0).ok_or_else(|| e.refused("count is a number of copies above zero"))?;
+        let count =
+            e.whole("count")?.filter(|n| *n > 0).ok_or_else(|| e.refused("count is a number of copies above zero"))?;
         self.copies += count as usize;
         if self.copies > COPIES {
             return Err(e.refused(format!("more than {COPIES} copies")));
@@ -142,7 +145,8 @@ fn pose(e: &Element, compiler: &Compiler) -> Result<Isometry3<f64>, UrdfError> {
 
 /// Pose, mass and inertia of an `<inertial>`.
 fn inertial(e: &Element, compiler: &Compiler) -> Result<(Isometry3<f64>, f64, Matrix3<f64>), UrdfError> {
-    let mass = e.number("mass")?.filter(|mass| *mass >= 0.0).ok_or_else(|| e.refused("it needs a mass of zero or more"))?;
+    let mass =
+        e.number("mass")?.filter(|mass| *mass >= 0.0).ok_or_else(|| e.refused("it needs a mass of zero or more"))?;
     let inertia = match (e.array::<3>("diaginertia")?, e.array::<6>("fullinertia")?) {
         (Some(d), _) => Matrix3::from_diagonal(&d.into()),
         (None, Some([xx, yy, zz, xy, xz, yz])) => Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),

@@ -78,7 +78,9 @@ impl Classes {
         let mut own = Self(HashMap::from([(MAIN.to_string(), Class::default())]));
         for top in root.all("default") {
             if let Some(other) = top.word("class").filter(|class| *class != MAIN) {
-                return Err(top.refused(format!("the outermost class is `{MAIN}`; put `{}` into it", other.escape_debug())));
+                return Err(
+                    top.refused(format!("the outermost class is `{MAIN}`; put `{}` into it", other.escape_debug()))
+                );
             }
             own.add(top, MAIN, MAIN, compiler)?;
         }
@@ -90,8 +92,16 @@ impl Classes {
         let mut class = self.0.get(above).cloned().unwrap_or_default();
         class.actuator.below();
         for child in &e.children {
-            let named = |(key, _): &&(String, String)| child.tag == "texture" || matches!(value_of(&child.tag, key), Value::Named(_));
-            class.names.extend(child.attributes.iter().filter(named).map(|(key, text)| ((child.tag.clone(), key.clone()), text.clone())));
+            let named = |(key, _): &&(String, String)| {
+                child.tag == "texture" || matches!(value_of(&child.tag, key), Value::Named(_))
+            };
+            class.names.extend(
+                child
+                    .attributes
+                    .iter()
+                    .filter(named)
+                    .map(|(key, text)| ((child.tag.clone(), key.clone()), text.clone())),
+            );
             match child.tag.as_str() {
                 "joint" => class.joint.apply(child)?,
                 "geom" => class.geom.apply(child, compiler)?,
@@ -105,7 +115,9 @@ impl Classes {
         }
         self.0.insert(name.into(), class);
         for nested in e.all("default") {
-            let Some(own) = nested.word("class") else { return Err(nested.refused("a nested <default> needs a class")) };
+            let Some(own) = nested.word("class") else {
+                return Err(nested.refused("a nested <default> needs a class"));
+            };
             if self.0.contains_key(own) {
                 return Err(nested.refused("another class has that name, too"));
             }

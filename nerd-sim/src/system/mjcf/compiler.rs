@@ -102,10 +102,12 @@ impl Compiler {
     /// The orientation of an element, if it has one.
     pub fn turn(&self, e: &Element) -> Result<Option<UnitQuaternion<f64>>, UrdfError> {
         // The schema allows at most one of these attributes.
-        let Some(key) = ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().find(|key| e.word(key).is_some()) else {
+        let Some(key) = ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().find(|key| e.word(key).is_some())
+        else {
             return Ok(None);
         };
-        let unit = |v: Vector3<f64>| Unit::try_new(v, SHORT).ok_or_else(|| e.refused(format!("{key} has no direction")));
+        let unit =
+            |v: Vector3<f64>| Unit::try_new(v, SHORT).ok_or_else(|| e.refused(format!("{key} has no direction")));
         let turn = match key {
             "quat" => {
                 let [w, x, y, z] = e.array("quat")?.unwrap_or_default();
@@ -123,7 +125,9 @@ impl Compiler {
                 let rotation = Matrix3::from_columns(&[*x, *y, x.cross(&y)]);
                 UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation))
             }
-            "zaxis" => rotation_from(&Vector3::z_axis(), unit(e.array::<3>("zaxis")?.unwrap_or_default().into())?.as_ref()),
+            "zaxis" => {
+                rotation_from(&Vector3::z_axis(), unit(e.array::<3>("zaxis")?.unwrap_or_default().into())?.as_ref())
+            }
             _ => self.euler(e.array("euler")?.unwrap_or_default()),
         };
         Ok(Some(turn))

@@ -33,17 +33,25 @@ impl<'a> Contacts<'a> {
         let body = |name: &str| if name == "world" { Some(0) } else { bodies.get(name).copied() };
         let mut excluded = Vec::new();
         for (names, e) in &model.excluded {
-            let find = |name: &String| body(name).ok_or_else(|| e.refused(format!("there is no body `{}`", name.escape_debug())));
+            let find = |name: &String| {
+                body(name).ok_or_else(|| e.refused(format!("there is no body `{}`", name.escape_debug())))
+            };
             excluded.push([find(&names[0])?, find(&names[1])?]);
         }
-        let all =
-            model.bodies.iter().enumerate().flat_map(|(id, body)| body.geoms.iter().enumerate().map(move |(k, geom)| ([id, k], geom)));
-        let geoms: HashMap<&str, [usize; 2]> = all.filter_map(|(place, geom)| Some((geom.name.as_deref()?, place))).collect();
+        let all = model
+            .bodies
+            .iter()
+            .enumerate()
+            .flat_map(|(id, body)| body.geoms.iter().enumerate().map(move |(k, geom)| ([id, k], geom)));
+        let geoms: HashMap<&str, [usize; 2]> =
+            all.filter_map(|(place, geom)| Some((geom.name.as_deref()?, place))).collect();
         let mut pairs = Vec::new();
         for (k, pair) in model.pairs.iter().enumerate() {
             let find = |name: &String| geoms.get(name.as_str()).copied();
             let [Some(one), Some(other)] = [&pair.geoms[0], &pair.geoms[1]].map(find) else {
-                return Err(pair.element.refused(format!("geom `{}` or `{}` is not there", pair.geoms[0], pair.geoms[1])));
+                return Err(pair
+                    .element
+                    .refused(format!("geom `{}` or `{}` is not there", pair.geoms[0], pair.geoms[1])));
             };
             pairs.push(([one, other], k));
         }
@@ -84,7 +92,8 @@ impl Contacts<'_> {
     /// Whether two geoms of a body have the same contact laws with all other geoms.
     pub fn alike(&self, id: usize, [k, other]: [usize; 2]) -> bool {
         let properties = |k: usize| {
-            let Geom { contype, conaffinity, condim, priority, friction, solmix, softness, margin, .. } = *self.geom([id, k]);
+            let Geom { contype, conaffinity, condim, priority, friction, solmix, softness, margin, .. } =
+                *self.geom([id, k]);
             ((contype, conaffinity, condim, priority), friction, solmix, softness, margin)
         };
         let paired = |k: usize| self.pairs.iter().any(|(geoms, _)| geoms.contains(&[id, k]));
@@ -111,7 +120,10 @@ impl Contacts<'_> {
         let geom = self.geom([id, k]);
         // A plane is the ground of the file's scene, even if the file filters its contacts.
         geom.kind == Type::Plane
-            || !self.off && (geom.contype != 0 || geom.conaffinity != 0 || self.pairs.iter().any(|(geoms, _)| geoms.contains(&[id, k])))
+            || !self.off
+                && (geom.contype != 0
+                    || geom.conaffinity != 0
+                    || self.pairs.iter().any(|(geoms, _)| geoms.contains(&[id, k])))
     }
 }
 
@@ -121,7 +133,12 @@ fn paired(pair: &super::classes::Pair) -> PairLaw {
     let given = pair.friction.as_deref().unwrap_or_default();
     friction[..given.len()].copy_from_slice(given);
     let [slide, across, torsion, roll, _] = friction;
-    law_of([0.5 * (slide + across), torsion, roll], pair.condim.unwrap_or(3), pair.margin.unwrap_or(0.0), pair.softness.unwrap_or_default())
+    law_of(
+        [0.5 * (slide + across), torsion, roll],
+        pair.condim.unwrap_or(3),
+        pair.margin.unwrap_or(0.0),
+        pair.softness.unwrap_or_default(),
+    )
 }
 
 /// Contact law mixed from both geoms: parameters of the geom with higher priority; for equal priority the larger
@@ -190,6 +207,7 @@ pub(super) fn surfaces(tree: &Tree, contacts: &Contacts, shapes: &Shapes) -> Sur
         None => contacts.with_default(place),
     };
     let mut surfaces = Surfaces::new(geoms.collect(), |a, b| contacts.law(places[a], places[b]), |a| other(places[a]));
-    (surfaces.elliptic, surfaces.impratio, surfaces.step) = (model.options.elliptic, model.options.impratio, model.options.step);
+    (surfaces.elliptic, surfaces.impratio, surfaces.step) =
+        (model.options.elliptic, model.options.impratio, model.options.step);
     surfaces
 }

@@ -32,7 +32,8 @@ impl Description {
         let mut bodies = tree.bodies(&mut shapes)?;
         let inertias = inertias(&tree, &bodies)?;
         for (name, joint, _) in tree.all_joints() {
-            let damping = joint.spring(inertias.get(name).copied(), &model.options).1 + tree.motors.get(name).map_or(0.0, |m| m.damping);
+            let damping = joint.spring(inertias.get(name).copied(), &model.options).1
+                + tree.motors.get(name).map_or(0.0, |m| m.damping);
             bodies.joints.iter_mut().filter(|own| own.name == *name).for_each(|own| own.damping = damping);
         }
         let (mut keys, quaternion) = keys(&tree, &inertias, &mut notes)?;

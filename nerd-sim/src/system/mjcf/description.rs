@@ -30,7 +30,10 @@ impl Description {
 
     /// The planes of the world, then planes through the highest points of its height fields.
     pub fn planes(&self) -> impl Iterator<Item = Plane> {
-        let planes = self.world.iter().filter_map(|solid| if let Static::Plane { plane, .. } = solid { Some(*plane) } else { None });
+        let planes = self
+            .world
+            .iter()
+            .filter_map(|solid| if let Static::Plane { plane, .. } = solid { Some(*plane) } else { None });
         let tops = self.world.iter().filter_map(|solid| {
             let Static::Field { field, pose, .. } = solid else { return None };
             let normal = pose.rotation * Vector3::z();
@@ -42,7 +45,8 @@ impl Description {
     /// The keys, without joints that the robot lacks: joints that carry no mass are fixed.
     pub fn keys_of(&self, robot: &Robot) -> Table {
         let mut keys = self.keys.clone();
-        let there = |joint: &Value| joint.get("name").and_then(Value::as_str).is_some_and(|name| robot.joint(name).is_ok());
+        let there =
+            |joint: &Value| joint.get("name").and_then(Value::as_str).is_some_and(|name| robot.joint(name).is_ok());
         keys.get_mut("joint").and_then(Value::as_array_mut).into_iter().for_each(|joints| joints.retain(there));
         keys
     }
@@ -50,7 +54,9 @@ impl Description {
     /// Refuses a base that differs from the file's.
     pub fn stands(&self, floating: bool) -> Result<(), UrdfError> {
         match self.floating() {
-            Some(own) if own != floating => Err(UrdfError::Refused(format!("its MJCF has a {} base", if own { "free" } else { "fixed" }))),
+            Some(own) if own != floating => {
+                Err(UrdfError::Refused(format!("its MJCF has a {} base", if own { "free" } else { "fixed" })))
+            }
             _ => Ok(()),
         }
     }

@@ -13,14 +13,22 @@ pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<Str
     for (actuator, e) in &tree.model.actuators {
         let (joint, ratio) = lever(tree, actuator, e)?;
         let Some((_, own, body)) = tree.all_joints().find(|(name, ..)| **name == joint) else {
-            return Err(e.refused(format!("it acts on `{}`, which is no hinge or slide of the file", joint.escape_debug())));
+            return Err(
+                e.refused(format!("it acts on `{}`, which is no hinge or slide of the file", joint.escape_debug()))
+            );
         };
         let compiler = &tree.model.bodies[body].source.compiler;
-        if e.number("inheritrange")?.is_some_and(|x| x > 0.0) && (actuator.joint.is_none() || own.limits(compiler).is_none()) {
-            return Err(e.refused(format!("inheritrange, and `{}` has no range; write ctrlrange", joint.escape_debug())));
+        if e.number("inheritrange")?.is_some_and(|x| x > 0.0)
+            && (actuator.joint.is_none() || own.limits(compiler).is_none())
+        {
+            return Err(
+                e.refused(format!("inheritrange, and `{}` has no range; write ctrlrange", joint.escape_debug()))
+            );
         }
         if actuator.lopsided(compiler) {
-            notes.push(format!("joint `{joint}`: its actuator is stronger one way; the larger of both is taken for both"));
+            notes.push(format!(
+                "joint `{joint}`: its actuator is stronger one way; the larger of both is taken for both"
+            ));
         }
         let (square, [_, kp, kd]) = ((ratio * actuator.gear).powi(2), actuator.gains());
         let effort = ratio.abs() * actuator.effort(compiler);
@@ -51,16 +59,22 @@ fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64),
     }
     let tendon = actuator.tendon.clone().unwrap_or_default();
     let parts = tree.model.tendons.get(&tendon);
-    let parts =
-        parts.ok_or_else(|| e.refused(format!("there is no fixed tendon `{}`; others are not supported", tendon.escape_debug())))?;
+    let parts = parts.ok_or_else(|| {
+        e.refused(format!("there is no fixed tendon `{}`; others are not supported", tendon.escape_debug()))
+    })?;
     let led = |(name, share): &(String, f64)| match tree.follow.get(name) {
         Some(f) => (f.leader.clone(), share * f.multiplier),
         None => (name.clone(), *share),
     };
     let led: Vec<_> = parts.iter().map(led).collect();
     match led.first() {
-        Some((joint, _)) if led.iter().all(|(other, _)| other == joint) => Ok((joint.clone(), led.iter().map(|(_, share)| share).sum())),
-        _ => Err(e.refused(format!("tendon `{}` pulls joints that move by themselves, which is not supported", tendon.escape_debug()))),
+        Some((joint, _)) if led.iter().all(|(other, _)| other == joint) => {
+            Ok((joint.clone(), led.iter().map(|(_, share)| share).sum()))
+        }
+        _ => Err(e.refused(format!(
+            "tendon `{}` pulls joints that move by themselves, which is not supported",
+            tendon.escape_debug()
+        ))),
     }
 }
 
@@ -89,7 +103,10 @@ pub(super) fn followers(tree: &Tree) -> Result<HashMap<String, Follower>, UrdfEr
         for step in 0..=direct.len() {
             let Some(next) = direct.get(&follower.leader) else { break };
             if step == direct.len() {
-                return Err(UrdfError::Refused(format!("joint `{}` follows itself by its equalities", own.escape_debug())));
+                return Err(UrdfError::Refused(format!(
+                    "joint `{}` follows itself by its equalities",
+                    own.escape_debug()
+                )));
             }
             follower.offset += follower.multiplier * next.offset;
             follower.multiplier *= next.multiplier;

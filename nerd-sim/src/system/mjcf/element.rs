@@ -68,7 +68,8 @@ impl Element {
     /// The numbers of an attribute, with the count checked by the schema; `None` if empty.
     pub fn list(&self, key: &str) -> Result<Option<Vec<f64>>, UrdfError> {
         let numbers = self.text(key).unwrap_or_default().split_whitespace().map(|word| {
-            let number = word.parse::<f64>().ok().filter(|x| x.abs() <= LARGEST || x.is_infinite() && key.ends_with("range"));
+            let number =
+                word.parse::<f64>().ok().filter(|x| x.abs() <= LARGEST || x.is_infinite() && key.ends_with("range"));
             number.ok_or_else(|| self.refused(format!("{key}: `{}` is not a number up to {LARGEST:e}", brief(word))))
         });
         Ok(Some(numbers.collect::<Result<Vec<_>, _>>()?).filter(|numbers| !numbers.is_empty()))

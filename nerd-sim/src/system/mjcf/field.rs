@@ -21,7 +21,8 @@ pub(super) fn fields(root: &Element, scope: &Scope) -> Result<Fields, UrdfError>
             return Err(e.refused(format!("another height field is called `{}`, too", name.escape_debug())));
         }
         let size = e.array::<4>("size")?.filter(|size| size.iter().all(|x| *x > 0.0));
-        let size = size.ok_or_else(|| e.refused("size has four numbers above zero: half lengths, height, depth of its foot"))?;
+        let size =
+            size.ok_or_else(|| e.refused("size has four numbers above zero: half lengths, height, depth of its foot"))?;
         let heights = match &file {
             Some(_) if ["nrow", "ncol"].iter().any(|key| e.has(key)) => {
                 return Err(e.refused("its file says nrow and ncol; leave them out"));
@@ -50,7 +51,11 @@ fn listed(e: &Element) -> Result<Heights, UrdfError> {
     let [nrow, ncol] = counts.map(|x| x as usize);
     let given = e.list("elevation")?.unwrap_or_else(|| vec![0.0; nrow * ncol]);
     if given.len() != nrow * ncol {
-        return Err(e.refused(format!("elevation has {} numbers, not nrow x ncol, which are {}", given.len(), nrow * ncol)));
+        return Err(e.refused(format!(
+            "elevation has {} numbers, not nrow x ncol, which are {}",
+            given.len(),
+            nrow * ncol
+        )));
     }
     Ok(([nrow, ncol], given.rchunks(ncol).flatten().map(|x| *x as f32).collect()))
 }

@@ -10,13 +10,17 @@ use crate::internal::*;
 pub(super) fn fit(model: &mut Model) -> Result<(), UrdfError> {
     let Model { bodies, meshes, .. } = model;
     for body in bodies {
-        let fitted =
-            |geom: &&mut Geom| geom.mesh.is_some() && ![Type::Mesh, Type::Sdf, Type::Plane, Type::HeightField].contains(&geom.kind);
+        let fitted = |geom: &&mut Geom| {
+            geom.mesh.is_some() && ![Type::Mesh, Type::Sdf, Type::Plane, Type::HeightField].contains(&geom.kind)
+        };
         for geom in body.geoms.iter_mut().filter(fitted) {
             let name = geom.mesh.take().unwrap_or_default();
             let mesh = meshes.iter().find(|mesh| mesh.name == name);
-            let mesh = mesh.ok_or_else(|| body.element.refused(format!("there is no mesh `{}` among the assets", name.escape_debug())))?;
-            let (pose, half) = bounds(mesh, body.source.compiler.around).map_err(|reason| body.element.refused(reason))?;
+            let mesh = mesh.ok_or_else(|| {
+                body.element.refused(format!("there is no mesh `{}` among the assets", name.escape_debug()))
+            })?;
+            let (pose, half) =
+                bounds(mesh, body.source.compiler.around).map_err(|reason| body.element.refused(reason))?;
             geom.pose *= pose;
             geom.size = sizes(geom.kind, &half, body.source.compiler.around).map(|x| x * geom.fit);
         }
@@ -39,7 +43,8 @@ fn bounds(mesh: &Mesh, around: bool) -> Result<(Isometry3<f64>, Vector3<f64>), S
         return Ok((pose, moments.map(|x| (1.5 * (moments.sum() - 2.0 * x) / own.mass).max(0.0).sqrt())));
     }
     let seen = mesh.triangles()?.0.into_iter().map(|v| pose.inverse_transform_point(&v.into()).coords);
-    let (low, high) = seen.fold((Vector3::repeat(f64::MAX), Vector3::repeat(f64::MIN)), |(low, high), v| (low.inf(&v), high.sup(&v)));
+    let (low, high) =
+        seen.fold((Vector3::repeat(f64::MAX), Vector3::repeat(f64::MIN)), |(low, high), v| (low.inf(&v), high.sup(&v)));
     Ok((pose * Isometry3::from(0.5 * (low + high)), 0.5 * (high - low)))
 }
 

@@ -103,7 +103,9 @@ pub(super) fn sized(
     let long = matches!(kind, Type::Capsule | Type::Cylinder | Type::Box | Type::Ellipsoid);
     let moved = |pose: &Isometry3<f64>| pose.translation.vector != Vector3::zeros();
     if ends.is_some_and(|(ends, pose)| !long || moved(pose) || 2.0 * between(ends).1 < SHORT) {
-        return Err(e.refused("fromto is for capsules, cylinders, boxes and ellipsoids, in place of pos, and its ends are apart"));
+        return Err(e.refused(
+            "fromto is for capsules, cylinders, boxes and ellipsoids, in place of pos, and its ends are apart",
+        ));
     }
     let needed = match kind {
         Type::Sphere => 1,

@@ -55,9 +55,12 @@ fn of(body: &Body, model: &Model) -> Result<BodyInertia, UrdfError> {
         _ if compiler.from_geoms == Some(false) => {}
         _ => {
             let [first, last] = compiler.groups;
-            let weighs = |geom: &&Geom| (first..=last).contains(&geom.group) && geom.mass.unwrap_or(geom.density) != 0.0;
+            let weighs =
+                |geom: &&Geom| (first..=last).contains(&geom.group) && geom.mass.unwrap_or(geom.density) != 0.0;
             for geom in body.geoms.iter().filter(weighs) {
-                if let Some((pose, mass, inertia)) = mass_of(geom, model).map_err(|reason| body.element.refused(reason))? {
+                if let Some((pose, mass, inertia)) =
+                    mass_of(geom, model).map_err(|reason| body.element.refused(reason))?
+                {
                     add(&pose, mass, inertia);
                 }
             }
@@ -113,7 +116,8 @@ fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
         Type::Cylinder => (PI * r * r * h, round((3.0 * r * r + h * h) / 12.0, 0.5 * r * r)),
         Type::Capsule => {
             let ends = 4.0 * r / (4.0 * r + 3.0 * h);
-            let across = (1.0 - ends) * (3.0 * r * r + h * h) / 12.0 + ends * (0.4 * r * r + 0.25 * h * h + 0.375 * h * r);
+            let across =
+                (1.0 - ends) * (3.0 * r * r + h * h) / 12.0 + ends * (0.4 * r * r + 0.25 * h * h + 0.375 * h * r);
             (PI * r * r * (h + 4.0 / 3.0 * r), round(across, (1.0 - ends) * 0.5 * r * r + ends * 0.4 * r * r))
         }
         Type::Box | Type::Ellipsoid => {
@@ -133,8 +137,11 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
         Type::Box => {
             // Pairs of opposite plates, one pair per axis.
             let [x, y, z] = [size.x, size.y, size.z];
-            let plates =
-                [(4.0 * y * z, x, [0.0, y * y, z * z]), (4.0 * x * z, y, [x * x, 0.0, z * z]), (4.0 * x * y, z, [x * x, y * y, 0.0])];
+            let plates = [
+                (4.0 * y * z, x, [0.0, y * y, z * z]),
+                (4.0 * x * z, y, [x * x, 0.0, z * z]),
+                (4.0 * x * y, z, [x * x, y * y, 0.0]),
+            ];
             let (mut area, mut squares) = (0.0, Vector3::zeros());
             for (axis, (one, off, spread)) in plates.into_iter().enumerate() {
                 area += 2.0 * one;
@@ -156,7 +163,8 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
             let (side, caps) = (2.0 * PI * r * h, 4.0 * PI * r * r);
             let along = (side * r * r + caps * 2.0 / 3.0 * r * r) / (side + caps);
             let far = 0.5 * h;
-            let across = (side * (0.5 * r * r + h * h / 12.0) + caps * (2.0 / 3.0 * r * r + far * far + far * r)) / (side + caps);
+            let across = (side * (0.5 * r * r + h * h / 12.0) + caps * (2.0 / 3.0 * r * r + far * far + far * r))
+                / (side + caps);
             Some((side + caps, Vector3::new(across, across, along)))
         }
         _ => None,
@@ -177,7 +185,9 @@ impl Mesh {
             "exact" => Ok(MassOf::Volume),
             "convex" => Ok(MassOf::Hull),
             "shell" => Ok(MassOf::Surface),
-            other => Err(format!("mesh `{}`: inertia=\"{other}\": it is one of convex, exact, legacy, shell", self.name)),
+            other => {
+                Err(format!("mesh `{}`: inertia=\"{other}\": it is one of convex, exact, legacy, shell", self.name))
+            }
         }
     }
 }

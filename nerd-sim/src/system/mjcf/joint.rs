@@ -103,7 +103,11 @@ impl Joint {
         for (key, x) in [("pos", &mut self.pos), ("axis", &mut self.axis)] {
             *x = e.array(key)?.unwrap_or(*x);
         }
-        for (key, x) in [("range", &mut self.range), ("actuatorfrcrange", &mut self.effort), ("springdamper", &mut self.spring_damper)] {
+        for (key, x) in [
+            ("range", &mut self.range),
+            ("actuatorfrcrange", &mut self.effort),
+            ("springdamper", &mut self.spring_damper),
+        ] {
             *x = e.array(key)?.unwrap_or(*x);
         }
         self.limited = e.tristate("limited").unwrap_or(self.limited);
@@ -121,7 +125,8 @@ impl Joint {
     pub fn in_si(mut self, compiler: &Compiler) -> Self {
         if self.kind == Kind::Hinge {
             self.range = self.range.map(|x| compiler.angle(x));
-            (self.reference, self.spring_reference) = (compiler.angle(self.reference), compiler.angle(self.spring_reference));
+            (self.reference, self.spring_reference) =
+                (compiler.angle(self.reference), compiler.angle(self.spring_reference));
         }
         self
     }
@@ -162,20 +167,28 @@ impl Joint {
         if self.kind == Kind::Ball {
             return Err(e.refused("ball joints are not supported; robots are trees of hinges and slides"));
         }
-        let positive =
-            [("damping", self.damping[0]), ("stiffness", self.stiffness[0]), ("armature", self.armature), ("frictionloss", self.friction)];
+        let positive = [
+            ("damping", self.damping[0]),
+            ("stiffness", self.stiffness[0]),
+            ("armature", self.armature),
+            ("frictionloss", self.friction),
+        ];
         if let Some((key, x)) = positive.into_iter().find(|(_, x)| *x < 0.0) {
             return Err(e.refused(format!("{key} is {x}, below zero")));
         }
         for (key, powers) in [("damping", self.damping), ("stiffness", self.stiffness)] {
             if powers[1..] != [0.0; 2] {
-                return Err(e.refused(format!("{key} is a polynomial; write one number, a joint's {key} here is linear")));
+                return Err(
+                    e.refused(format!("{key} is a polynomial; write one number, a joint's {key} here is linear"))
+                );
             }
         }
         if e.number("springyield")?.is_some_and(|x| x > 0.0) {
             return Err(e.refused("springyield is not supported; leave it out"));
         }
-        for (key, range, said) in [("range", self.range, self.limited), ("actuatorfrcrange", self.effort, self.effort_limited)] {
+        for (key, range, said) in
+            [("range", self.range, self.limited), ("actuatorfrcrange", self.effort, self.effort_limited)]
+        {
             if said == Some(true) && range[0] >= range[1] {
                 return Err(e.refused(format!("{key} {range:?} has no width")));
             }

@@ -15,12 +15,17 @@ use crate::internal::*;
 const STANDING: [&str; 3] = ["home", "stand", "standing"];
 
 /// The keys, and the orientation (x y z w) of a free root in their default pose.
-pub(super) fn keys(tree: &Tree, inertias: &HashMap<String, f64>, notes: &mut Vec<String>) -> Result<(Table, [f64; 4]), UrdfError> {
+pub(super) fn keys(
+    tree: &Tree,
+    inertias: &HashMap<String, f64>,
+    notes: &mut Vec<String>,
+) -> Result<(Table, [f64; 4]), UrdfError> {
     let mut keys = Table::new();
     keys.insert("floating".into(), Value::Boolean(tree.free.is_some()));
     keys.insert("gravity".into(), Value::Array(tree.model.options.gravity.iter().map(|x| Value::Float(*x)).collect()));
     let led = || tree.all_joints().filter(|(name, ..)| !tree.follow.contains_key(*name));
-    let mut joints: Vec<Table> = led().map(|(name, joint, body)| own(tree, name, joint, body, inertias.get(name))).collect();
+    let mut joints: Vec<Table> =
+        led().map(|(name, joint, body)| own(tree, name, joint, body, inertias.get(name))).collect();
     fold(tree, &mut joints, notes);
     // For a robot with a free base, a controller is always derived.
     if tree.free.is_none() && !joints.is_empty() {
@@ -36,7 +41,8 @@ pub(super) fn keys(tree: &Tree, inertias: &HashMap<String, f64>, notes: &mut Vec
 /// Inertia (kg m^2 or kg) felt at each joint in the file's pose with all other joints free. Damping ratios and time
 /// constants refer to it. Empty if no joint needs it.
 pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f64>, UrdfError> {
-    let asks = tree.all_joints().any(|(_, joint, _)| joint.spring_damper != [0.0; 2]) || tree.motors.values().any(|m| !m.ratios.is_empty());
+    let asks = tree.all_joints().any(|(_, joint, _)| joint.spring_damper != [0.0; 2])
+        || tree.motors.values().any(|m| !m.ratios.is_empty());
     if !asks {
         return Ok(HashMap::new());
     }
@@ -47,7 +53,8 @@ pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f
     let coords = robot.root_coords();
     for (joint, q) in robot.joints_mut().zip(&mut q[coords..]) {
         let own = all.get(joint.name.as_str());
-        joint.armature = own.map_or(0.0, |own| own.armature) + tree.motors.get(&joint.name).map_or(0.0, |motor| motor.armature);
+        joint.armature =
+            own.map_or(0.0, |own| own.armature) + tree.motors.get(&joint.name).map_or(0.0, |motor| motor.armature);
         *q = own.map_or(0.0, |own| own.reference);
     }
     let (mut data, mut factor) = (Data::new(&robot), Factor::new(&robot));
@@ -101,7 +108,9 @@ fn control(tree: &Tree, notes: &mut Vec<String>) -> Option<Table> {
     let led = tree.all_joints().map(|(name, ..)| name).filter(|name| !tree.follow.contains_key(*name));
     let (with, without): (Vec<_>, Vec<_>) = led.partition(|name| held(name).is_some());
     if let (false, Some(other)) = (with.is_empty(), without.first()) {
-        notes.push(format!("joint `{other}` has no position actuator, so actions are torques; [control] in a .toml makes them targets"));
+        notes.push(format!(
+            "joint `{other}` has no position actuator, so actions are torques; [control] in a .toml makes them targets"
+        ));
     }
     let clamp = with.iter().filter_map(|name| held(name)).all(|motor| motor.effort.is_finite());
     let law = [
@@ -123,7 +132,10 @@ fn fold(tree: &Tree, joints: &mut [Table], notes: &mut Vec<String>) {
         let (armature, stiffness) = (get("armature") + square * joint.armature, get("stiffness") + square * spring);
         let pull = get("stiffness") * get("rest") + f.multiplier * spring * (joint.spring_reference - f.offset);
         let rest = if stiffness > 0.0 { pull / stiffness } else { 0.0 };
-        leader.extend([("armature", armature), ("stiffness", stiffness), ("rest", rest)].map(|(key, x)| (key.into(), Value::Float(x))));
+        leader.extend(
+            [("armature", armature), ("stiffness", stiffness), ("rest", rest)]
+                .map(|(key, x)| (key.into(), Value::Float(x))),
+        );
         notes.push(format!("joint `{name}`: its equality with `{}` holds exactly, and is no spring", f.leader));
     }
 }

@@ -22,7 +22,10 @@ fn mesh(e: &Element, scope: &Scope) -> Result<Mesh, UrdfError> {
     let vertices = e.list("vertex")?.filter(|_| file.is_none()).unwrap_or_default();
     let indices = e.list("face")?.filter(|_| file.is_none()).unwrap_or_default();
     let count = vertices.len() / 3;
-    if vertices.len() % 3 != 0 || indices.len() % 3 != 0 || indices.iter().any(|k| !(0.0..count as f64).contains(k) || k.fract() != 0.0) {
+    if vertices.len() % 3 != 0
+        || indices.len() % 3 != 0
+        || indices.iter().any(|k| !(0.0..count as f64).contains(k) || k.fract() != 0.0)
+    {
         return Err(e.refused("vertex needs three numbers each, face three indices of them"));
     }
     let mut reference = Isometry3::identity();
@@ -55,7 +58,9 @@ impl Mesh {
             Some(file) => read(file).map_err(|reason| format!("mesh `{}`, {}: {reason}", self.name, file.display()))?,
             None => (self.vertices.clone(), self.faces.clone()),
         };
-        vertices.iter_mut().for_each(|v| *v = self.reference.inverse_transform_point(&(*v).into()).coords.component_mul(&self.scale));
+        vertices
+            .iter_mut()
+            .for_each(|v| *v = self.reference.inverse_transform_point(&(*v).into()).coords.component_mul(&self.scale));
         if self.scale.product() < 0.0 {
             faces.iter_mut().for_each(|face| face.swap(1, 2));
         }

@@ -137,7 +137,8 @@ impl Model {
         let joints = || self.bodies.iter().flat_map(|body| &body.joints);
         let sum = |of: fn(Kind) -> usize| joints().map(|joint| of(joint.kind)).sum::<usize>();
         let targets = self.bodies.iter().filter(|body| body.mocap).count();
-        let acts = (!self.options.is_off("actuation") && self.options.groups.is_empty()).then_some(self.actuators.len());
+        let acts =
+            (!self.options.is_off("actuation") && self.options.groups.is_empty()).then_some(self.actuators.len());
         let most = [
             ("qpos", Some(sum(Kind::coordinates))),
             ("qvel", Some(sum(Kind::velocities))),

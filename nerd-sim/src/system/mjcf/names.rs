@@ -37,7 +37,8 @@ impl Names {
     }
 
     fn ask(&mut self, e: &Element, [kind, name, key]: [&str; 3], scope: &Scope) {
-        let name = if [kind, name] == ["body", "world"] { name.to_string() } else { format!("{}{name}", scope.at.prefix) };
+        let name =
+            if [kind, name] == ["body", "world"] { name.to_string() } else { format!("{}{name}", scope.at.prefix) };
         let asked = (kind.to_string(), name);
         if self.once.insert(asked.clone()) {
             self.asked.push((asked, Element { children: Vec::new(), ..e.clone() }, key.into()));
@@ -47,7 +48,9 @@ impl Names {
     /// Refuses a reference to a missing object; the original name of replicas refers to all of them.
     pub fn check(&self) -> Result<(), UrdfError> {
         let there = |(kind, name): &(String, String)| {
-            let copy = |suffix: &String| name.strip_suffix(suffix).is_some_and(|own| self.known.contains(&(kind.clone(), own.into())));
+            let copy = |suffix: &String| {
+                name.strip_suffix(suffix).is_some_and(|own| self.known.contains(&(kind.clone(), own.into())))
+            };
             self.known.contains(&(kind.clone(), name.clone()))
                 || self.copied.contains(&(kind.clone(), name.clone()))
                 || self.suffixes.iter().any(copy)
@@ -67,24 +70,32 @@ impl Names {
         let kind = if kind == "freejoint" { "joint" } else { kind };
         // An attached model brings all its sections; references in them may be missing.
         let part = attached && section != "body";
-        let stem = || e.word("file").filter(|_| ASSETS.contains(&tag)).and_then(|file| Path::new(file).file_stem()?.to_str());
+        let stem =
+            || e.word("file").filter(|_| ASSETS.contains(&tag)).and_then(|file| Path::new(file).file_stem()?.to_str());
         match e.word("name").or_else(stem) {
             Some(name) if !self.add(kind, name, scope) && !part => {
                 return Err(e.refused(format!("another {kind} is called `{}`, too", brief(&scope.at.name(name)))));
             }
-            None if ASSETS.contains(&tag) && e.text("type") != Some("skybox") => return Err(e.refused("it needs a name")),
+            None if ASSETS.contains(&tag) && e.text("type") != Some("skybox") => {
+                return Err(e.refused("it needs a name"));
+            }
             _ => {}
         }
         let given = e.text("user").map_or(0, |text| text.split_whitespace().count());
         if let Some(most) = source.users.get(kind).filter(|most| given > **most) {
             return Err(e.refused(format!("user has {given} numbers, and <size> lets a {kind} have {most}")));
         }
-        let mut said: Vec<(&str, &str)> = e.attributes.iter().map(|(key, text)| (key.as_str(), text.as_str())).collect();
+        let mut said: Vec<(&str, &str)> =
+            e.attributes.iter().map(|(key, text)| (key.as_str(), text.as_str())).collect();
         if !section.is_empty() && !["body", "frame", "replicate", "attach"].contains(&tag) {
             let class = source.classes.of(e, scope.class.as_deref().filter(|_| section == "body"))?;
             let own = |of: &str| of == tag || of == section;
             said.extend(
-                class.names.iter().filter(|((of, key), _)| own(of) && !e.has(key)).map(|((_, key), text)| (key.as_str(), text.as_str())),
+                class
+                    .names
+                    .iter()
+                    .filter(|((of, key), _)| own(of) && !e.has(key))
+                    .map(|((_, key), text)| (key.as_str(), text.as_str())),
             );
         }
         for (key, text) in said {

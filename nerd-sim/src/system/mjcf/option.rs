@@ -6,7 +6,8 @@ use crate::internal::*;
 use crate::scene::Softness;
 
 /// Features of MuJoCo that a file may disable and that affect a robot.
-const FLAGS: [&str; 9] = ["contact", "limit", "frictionloss", "equality", "spring", "damper", "actuation", "constraint", "gravity"];
+const FLAGS: [&str; 9] =
+    ["contact", "limit", "frictionloss", "equality", "spring", "damper", "actuation", "constraint", "gravity"];
 
 #[derive(Debug)]
 pub(super) struct Options {
@@ -52,7 +53,8 @@ impl Options {
     /// Reads all `<option>` elements of a file; later ones override.
     pub fn read(root: &Element) -> Result<Self, UrdfError> {
         let mut own = Self::default();
-        let mut contact = Contact { margin: 0.0, softness: Softness::default(), friction: [1.0, 1.0, 0.005, 0.0001, 0.0001] };
+        let mut contact =
+            Contact { margin: 0.0, softness: Softness::default(), friction: [1.0, 1.0, 0.005, 0.0001, 0.0001] };
         let mut overrides = false;
         for e in root.all("option") {
             own.gravity = e.array("gravity")?.unwrap_or(own.gravity);
@@ -65,7 +67,9 @@ impl Options {
             e.fill("o_friction", &mut contact.friction)?;
             for key in ["density", "viscosity"] {
                 if e.number(key)?.is_some_and(|x| x != 0.0) {
-                    return Err(e.refused(format!("{key} is not supported, since robots move in no medium; leave it out")));
+                    return Err(
+                        e.refused(format!("{key} is not supported, since robots move in no medium; leave it out"))
+                    );
                 }
             }
             for flags in e.all("flag") {

@@ -69,7 +69,8 @@ impl Parser<'_> {
             return Err(wrong(format!("elements nested more than {DEEPEST} deep")));
         }
         let text = text.trim_start_matches('\u{feff}');
-        let parsed = Document::parse(text).or_else(|e| until_stray_end(text, e.pos()).and_then(|text| Document::parse(text).ok()).ok_or(e));
+        let parsed = Document::parse(text)
+            .or_else(|e| until_stray_end(text, e.pos()).and_then(|text| Document::parse(text).ok()).ok_or(e));
         let document = parsed.map_err(|e| wrong(e.to_string()))?;
         let place = Place { file: file.map(Arc::from), folder: folder.into(), line: 0 };
         let ends: Vec<usize> = document.input_text().match_indices('\n').map(|(at, _)| at).collect();
@@ -84,7 +85,11 @@ impl Parser<'_> {
         let mut own = Element { tag: node.tag_name().name().into(), place, attributes, children: Vec::new() };
         for child in node.children().filter(Node::is_element) {
             let child = self.element(&child, at, ends, depth)?;
-            if child.tag == "include" { own.children.extend(self.included(&child, depth)?) } else { own.children.push(child) }
+            if child.tag == "include" {
+                own.children.extend(self.included(&child, depth)?)
+            } else {
+                own.children.push(child)
+            }
         }
         Ok(own)
     }

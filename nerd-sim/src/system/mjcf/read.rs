@@ -23,7 +23,8 @@ use crate::internal::*;
 const ACTS: [&str; 7] = ["stiffness", "damping", "frictionloss", "armature", "range", "limited", "springyield"];
 
 /// Sections with named objects.
-const NAMED: [&str; 9] = ["asset", "contact", "tendon", "equality", "actuator", "sensor", "custom", "keyframe", "deformable"];
+const NAMED: [&str; 9] =
+    ["asset", "contact", "tendon", "equality", "actuator", "sensor", "custom", "keyframe", "deformable"];
 
 /// Reads a model with all models attached to it.
 #[derive(Default)]
@@ -51,7 +52,12 @@ impl Model {
         let mut reader = Reader::default();
         reader.model.name = root.text("model").unwrap_or("mjcf").into();
         reader.model.options = Options::read(&root)?;
-        let element = Element { tag: "worldbody".into(), children: Vec::new(), attributes: Vec::new(), place: root.place.clone() };
+        let element = Element {
+            tag: "worldbody".into(),
+            children: Vec::new(),
+            attributes: Vec::new(),
+            place: root.place.clone(),
+        };
         reader.model.bodies.push(Body::new(Isometry3::identity(), 0, element, source.clone()));
         let at = Placement { frame: Isometry3::identity(), prefix: String::new(), suffix: String::new() };
         let scope = Scope { source, body: 0, class: None, at };
@@ -87,17 +93,29 @@ impl Reader {
                         if let Some(condim) = law.condim.filter(|condim| ![1, 3, 4, 6].contains(condim)) {
                             return Err(e.refused(format!("condim is {condim}; it is 1, 3, 4 or 6")));
                         }
-                        self.model.pairs.push(GeomPair { geoms: both(e, ["geom1", "geom2"], scope)?, law, element: e.clone() });
+                        self.model.pairs.push(GeomPair {
+                            geoms: both(e, ["geom1", "geom2"], scope)?,
+                            law,
+                            element: e.clone(),
+                        });
                     }
                     ("contact", _) => self.model.excluded.push((both(e, ["body1", "body2"], scope)?, e.clone())),
                     ("keyframe", _) => {
                         let q = e.list("qpos")?;
-                        self.model.keys.push(Key { name: e.word("name").unwrap_or_default().into(), q, element: e.clone() });
+                        self.model.keys.push(Key {
+                            name: e.word("name").unwrap_or_default().into(),
+                            q,
+                            element: e.clone(),
+                        });
                     }
                     ("tendon", _) => self.tendon(e, scope)?,
                     ("asset", "texture") => texture::check(e, scope)?,
-                    ("custom", "numeric") if e.word("data").is_none() && !e.has("size") => return Err(e.refused("it needs data or size")),
-                    ("custom", "tuple") if e.children.is_empty() => return Err(e.refused("it has no elements; leave it out")),
+                    ("custom", "numeric") if e.word("data").is_none() && !e.has("size") => {
+                        return Err(e.refused("it needs data or size"));
+                    }
+                    ("custom", "tuple") if e.children.is_empty() => {
+                        return Err(e.refused("it has no elements; leave it out"));
+                    }
                     ("deformable", "flex") => return Err(e.refused("it is not supported; leave it out")),
                     _ => {}
                 }
@@ -108,10 +126,13 @@ impl Reader {
 
     /// Reads a fixed tendon; refuses a tendon that exerts forces itself.
     fn tendon(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
-        let says =
-            |key: &&&str| e.text(key).is_some_and(|value| value != "false" && value.split_whitespace().any(|x| x.parse() != Ok(0.0)));
+        let says = |key: &&&str| {
+            e.text(key).is_some_and(|value| value != "false" && value.split_whitespace().any(|x| x.parse() != Ok(0.0)))
+        };
         if let Some(key) = ACTS.iter().find(says) {
-            return Err(e.refused(format!("a tendon with `{key}` acts on joints, which is not supported; leave it out")));
+            return Err(
+                e.refused(format!("a tendon with `{key}` acts on joints, which is not supported; leave it out"))
+            );
         }
         let mut joints: Vec<(String, f64)> = Vec::new();
         for part in e.all("joint") {
@@ -127,7 +148,9 @@ impl Reader {
         if e.children.len() < if e.tag == "fixed" { 1 } else { 2 } {
             return Err(e.refused("it goes along too little; a fixed one has joints, another one two places or more"));
         }
-        let twice = |two: &[Element]| two[0].tag == "site" && two[1].tag == "site" && two[0].text("site") == two[1].text("site");
+        let twice = |two: &[Element]| {
+            two[0].tag == "site" && two[1].tag == "site" && two[0].text("site") == two[1].text("site")
+        };
         if let Some(two) = e.children.windows(2).find(|two| twice(two)) {
             return Err(two[1].refused("the tendon goes to the site at which it is"));
         }
@@ -139,8 +162,9 @@ impl Reader {
 
     fn equality(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
         let twice = |[a, b]: &[&str; 2]| e.word(a).is_some_and(|name| e.word(b) == Some(name));
-        if let Some([a, b]) =
-            [["joint1", "joint2"], ["body1", "body2"], ["site1", "site2"], ["tendon1", "tendon2"]].iter().find(|k| twice(k))
+        if let Some([a, b]) = [["joint1", "joint2"], ["body1", "body2"], ["site1", "site2"], ["tendon1", "tendon2"]]
+            .iter()
+            .find(|k| twice(k))
         {
             return Err(e.refused(format!("{a} and {b} are the same; write two")));
         }
@@ -151,7 +175,8 @@ impl Reader {
         let mut polynomial = [0.0, 1.0, 0.0, 0.0, 0.0];
         if e.tag == "tendon" && !e.has("tendon2") {
             e.fill("polycoef", &mut polynomial)?;
-            let tendon = e.word("tendon1").map(|name| scope.at.name(name)).ok_or_else(|| e.refused("it names no tendon1"))?;
+            let tendon =
+                e.word("tendon1").map(|name| scope.at.name(name)).ok_or_else(|| e.refused("it names no tendon1"))?;
             self.model.taut.push((tendon, polynomial[0], e.clone()));
             return Ok(());
         }
@@ -194,6 +219,7 @@ impl Reader {
 
 /// The names of two referenced objects.
 fn both(e: &Element, keys: [&str; 2], scope: &Scope) -> Result<[String; 2], UrdfError> {
-    let [one, other] = keys.map(|key| e.word(key).map(|name| if name == "world" { name.into() } else { scope.at.name(name) }));
+    let [one, other] =
+        keys.map(|key| e.word(key).map(|name| if name == "world" { name.into() } else { scope.at.name(name) }));
     one.zip(other).map(|(a, b)| [a, b]).ok_or_else(|| e.refused(format!("it needs {} and {}", keys[0], keys[1])))
 }

@@ -28,7 +28,8 @@ impl Tree<'_> {
         for (id, body) in model.bodies.iter().enumerate().filter(|(id, _)| self.ours(*id)) {
             let above = if id == 0 { None } else { places[body.parent] };
             let mut on = above.map(|(host, frame)| (host, frame * body.pose));
-            let hinges: Vec<_> = body.joints.iter().zip(&self.joints[id]).filter(|(joint, _)| joint.kind != Kind::Free).collect();
+            let hinges: Vec<_> =
+                body.joints.iter().zip(&self.joints[id]).filter(|(joint, _)| joint.kind != Kind::Free).collect();
             for (k, (joint, name)) in hinges.iter().enumerate() {
                 joint.soft.iter().for_each(|key| soft.entry(*key).or_default().push((*name).clone()));
                 let Some((host, pose)) = on else { break };
@@ -42,9 +43,9 @@ impl Tree<'_> {
             let frame = match (on, hinges.is_empty()) {
                 (Some((_, frame)), false) => frame,
                 (on, _) => {
-                    made.joints.extend(
-                        on.map(|(host, pose)| BodyJoint::fixed(format!("fixed {}", self.links[id]), [host, made.bodies.len()], pose)),
-                    );
+                    made.joints.extend(on.map(|(host, pose)| {
+                        BodyJoint::fixed(format!("fixed {}", self.links[id]), [host, made.bodies.len()], pose)
+                    }));
                     made.bodies.push(bare(self.links[id].clone()));
                     Isometry3::identity()
                 }
@@ -66,7 +67,11 @@ impl Tree<'_> {
                 while self.links.contains(&link) || made.bodies.iter().any(|body| body.name == link) {
                     link += " site";
                 }
-                made.joints.push(BodyJoint::fixed(format!("fixed {link}"), [own, made.bodies.len()], frame * site.pose));
+                made.joints.push(BodyJoint::fixed(
+                    format!("fixed {link}"),
+                    [own, made.bodies.len()],
+                    frame * site.pose,
+                ));
                 made.bodies.push(bare(link));
             }
         }
@@ -100,7 +105,8 @@ impl Tree<'_> {
         [parent, child]: [usize; 2],
         mut pose: Isometry3<f64>,
     ) -> Result<BodyJoint, UrdfError> {
-        let wrong = |reason: &str| self.model.bodies[id].element.refused(format!("joint `{}`: {reason}", name.escape_debug()));
+        let wrong =
+            |reason: &str| self.model.bodies[id].element.refused(format!("joint `{}`: {reason}", name.escape_debug()));
         let axis = Unit::try_new(Vector3::from(joint.axis), SHORT).ok_or_else(|| wrong("its axis has no direction"))?;
         let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
         // The coordinate equals `ref` in the file's pose.
@@ -125,11 +131,22 @@ impl Tree<'_> {
             velocity: f64::INFINITY,
             damping: 0.0,
             friction: on("constraint", on("frictionloss", joint.friction)),
-            mimic: self.follow.get(name).map(|f| BodyMimic { joint: f.leader.clone(), multiplier: f.multiplier, offset: f.offset }),
+            mimic: self.follow.get(name).map(|f| BodyMimic {
+                joint: f.leader.clone(),
+                multiplier: f.multiplier,
+                offset: f.offset,
+            }),
         })
     }
 }
 
 fn bare(name: String) -> Body {
-    Body { name, frame: Isometry3::identity(), inertia: BodyInertia::default(), lifted: 0.0, collisions: Vec::new(), visuals: Vec::new() }
+    Body {
+        name,
+        frame: Isometry3::identity(),
+        inertia: BodyInertia::default(),
+        lifted: 0.0,
+        collisions: Vec::new(),
+        visuals: Vec::new(),
+    }
 }

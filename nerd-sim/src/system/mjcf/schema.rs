@@ -26,11 +26,13 @@ struct Choice {
 impl Choice {
     fn read(word: &'static str) -> Option<Self> {
         let of = word.trim_end_matches('!');
-        word.contains(['|', '&', '!']).then(|| Self { needed: of != word, of: of.split('|').map(|one| one.split('&').collect()).collect() })
+        word.contains(['|', '&', '!'])
+            .then(|| Self { needed: of != word, of: of.split('|').map(|one| one.split('&').collect()).collect() })
     }
 
     fn check(&self, e: &Element, known: &Known) -> Result<(), UrdfError> {
-        let quoted = |keys: &[&str], between: &str| keys.iter().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(between);
+        let quoted =
+            |keys: &[&str], between: &str| keys.iter().map(|key| format!("`{key}`")).collect::<Vec<_>>().join(between);
         let given: Vec<_> = self.of.iter().filter(|keys| keys.iter().any(|key| e.has(key))).collect();
         match given[..] {
             [] if self.needed => {
@@ -51,7 +53,9 @@ impl Choice {
                 let (with, without): (Vec<&str>, Vec<&str>) = keys.iter().partition(|key| says(key));
                 match without.is_empty() {
                     true => Ok(()),
-                    false if with.is_empty() => Err(e.refused(format!("its {} is empty; write one", quoted(&without, " and ")))),
+                    false if with.is_empty() => {
+                        Err(e.refused(format!("its {} is empty; write one", quoted(&without, " and "))))
+                    }
                     false => Err(e.refused(format!(
                         "it has {} without {}; write both, or neither",
                         quoted(&with, " and "),
@@ -121,7 +125,8 @@ pub(super) fn check(root: &Element) -> Result<(), UrdfError> {
             let tag = child.tag.as_str();
             // Children of a body may also be children of a frame in the body.
             let inside = if tag == "worldbody" { "body" } else { tag };
-            let Some(next) = known.children.get(inside).or_else(|| within_body(&element.tag)?.children.get(inside)) else {
+            let Some(next) = known.children.get(inside).or_else(|| within_body(&element.tag)?.children.get(inside))
+            else {
                 return Err(child.refused(format!("it is not known in <{}>", element.tag)));
             };
             if SCHEMA[*next].once && seen.contains(&tag) {

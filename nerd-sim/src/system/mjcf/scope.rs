@@ -21,7 +21,8 @@ impl Scope {
     pub fn asset(&self, e: &Element) -> Result<(Option<PathBuf>, String), UrdfError> {
         let file = self.source.asset(e);
         let stem = file.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());
-        let name = e.word("name").map(String::from).or(stem).ok_or_else(|| e.refused("it has neither name nor file"))?;
+        let name =
+            e.word("name").map(String::from).or(stem).ok_or_else(|| e.refused("it has neither name nor file"))?;
         Ok((file, format!("{}{name}", self.at.prefix)))
     }
 

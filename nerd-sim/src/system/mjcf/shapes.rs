@@ -21,7 +21,11 @@ pub(super) struct Shapes {
 
 impl Shapes {
     /// `touches`: whether a body's geom may collide; `alike`: whether two geoms of a body have the same contact laws.
-    pub fn new(model: &Model, touches: impl Fn(usize, usize) -> bool, alike: impl Fn(usize, [usize; 2]) -> bool) -> Self {
+    pub fn new(
+        model: &Model,
+        touches: impl Fn(usize, usize) -> bool,
+        alike: impl Fn(usize, [usize; 2]) -> bool,
+    ) -> Self {
         let mut own = Self { touching: Vec::new(), numbers: Vec::new(), notes: Vec::new() };
         for (id, body) in model.bodies.iter().enumerate() {
             let first = own.touching.len();
@@ -46,7 +50,12 @@ impl Shapes {
     }
 
     /// Collision solids and visual solids of a body; `frame` is the body frame in its link.
-    pub fn of(&mut self, tree: &Tree, id: usize, frame: &Isometry3<f64>) -> Result<(Vec<Solid>, Vec<Solid>), UrdfError> {
+    pub fn of(
+        &mut self,
+        tree: &Tree,
+        id: usize,
+        frame: &Isometry3<f64>,
+    ) -> Result<(Vec<Solid>, Vec<Solid>), UrdfError> {
         let (mut collisions, mut visuals) = (Vec::new(), Vec::new());
         for (k, geom) in tree.model.bodies[id].geoms.iter().enumerate() {
             let surface = self.numbers[id][k];
@@ -56,7 +65,9 @@ impl Shapes {
                     if surface.is_some() { collisions.push(solid) } else { visuals.push(solid) }
                 }
                 None if surface.is_none() || [Type::Plane, Type::HeightField].contains(&geom.kind) => {}
-                None => self.notes.push(format!("link `{}`: nothing touches its geom of type {:?}", tree.links[id], geom.kind)),
+                None => self
+                    .notes
+                    .push(format!("link `{}`: nothing touches its geom of type {:?}", tree.links[id], geom.kind)),
             }
         }
         Ok((collisions, visuals))

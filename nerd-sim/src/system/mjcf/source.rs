@@ -27,7 +27,10 @@ impl Source {
         let sizes = root.all("size").flat_map(|size| &size.attributes);
         let users = sizes.filter_map(|(key, text)| {
             let kind = key.strip_prefix("nuser_")?;
-            let kind = [("jnt", "joint"), ("cam", "camera")].iter().find(|(short, _)| *short == kind).map_or(kind, |(_, kind)| kind);
+            let kind = [("jnt", "joint"), ("cam", "camera")]
+                .iter()
+                .find(|(short, _)| *short == kind)
+                .map_or(kind, |(_, kind)| kind);
             Some((kind.to_string(), text.trim().parse().ok()?))
         });
         Ok(Self { users: users.collect(), compiler, classes, folder: folder.into(), models })

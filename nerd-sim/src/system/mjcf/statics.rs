@@ -36,18 +36,22 @@ pub(super) fn statics(tree: &Tree, shapes: &mut Shapes) -> Vec<Static> {
                 }
                 Type::HeightField => match geom.field.as_ref().and_then(|field| tree.model.field(field)) {
                     Some(Ok(field)) => all.push(Static::Field { field: field.clone(), pose, surface: Some(surface) }),
-                    Some(Err(reason)) => {
-                        shapes.notes.push(format!("geom `{name}` of the world touches nothing: its height field, {reason}"))
-                    }
+                    Some(Err(reason)) => shapes
+                        .notes
+                        .push(format!("geom `{name}` of the world touches nothing: its height field, {reason}")),
                     None => {}
                 },
-                Type::Sdf => shapes.notes.push(format!("geom `{name}` of the world is an sdf and touches nothing here")),
+                Type::Sdf => {
+                    shapes.notes.push(format!("geom `{name}` of the world is an sdf and touches nothing here"))
+                }
                 _ => match solid(geom, tree.model) {
                     Some((form, own)) => {
                         let pose = place * own;
                         all.push(Static::Solid(Solid { pose, form, surface: Some(surface) }));
                     }
-                    None => shapes.notes.push(format!("geom `{name}` of the world touches nothing, since its mesh cannot be read")),
+                    None => shapes
+                        .notes
+                        .push(format!("geom `{name}` of the world touches nothing, since its mesh cannot be read")),
                 },
             }
         }

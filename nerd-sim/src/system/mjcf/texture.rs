@@ -11,8 +11,13 @@ pub(super) fn check(e: &Element, scope: &Scope) -> Result<(), UrdfError> {
     let whole = |key: &str| own(key).and_then(|text| text.trim().parse::<i32>().ok());
     let flat = own("type") == Some("2d");
     if own("builtin").is_none_or(|pattern| pattern == "none") {
-        let from = |(key, file): &(String, String)| key.starts_with("file") && (!flat || key == "file") && !file.is_empty();
-        return if e.attributes.iter().any(from) { Ok(()) } else { Err(e.refused("it has neither file nor builtin; write one")) };
+        let from =
+            |(key, file): &(String, String)| key.starts_with("file") && (!flat || key == "file") && !file.is_empty();
+        return if e.attributes.iter().any(from) {
+            Ok(())
+        } else {
+            Err(e.refused("it has neither file nor builtin; write one"))
+        };
     }
     let sides = if flat { &["width", "height"][..] } else { &["width"] };
     match sides.iter().find(|key| whole(key).is_none_or(|x| x <= 0)) {

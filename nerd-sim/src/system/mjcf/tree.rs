@@ -60,7 +60,8 @@ impl<'a> Tree<'a> {
             }
             name
         };
-        let links: Vec<String> = model.bodies.iter().enumerate().map(|(id, body)| named(body.name.as_ref(), id)).collect();
+        let links: Vec<String> =
+            model.bodies.iter().enumerate().map(|(id, body)| named(body.name.as_ref(), id)).collect();
         let own = |(body, link): (&Body, &String)| {
             let joints = body.joints.iter().enumerate();
             joints.map(|(k, joint)| joint.name.clone().unwrap_or_else(|| format!("{link}.{k}"))).collect()
@@ -74,7 +75,9 @@ impl<'a> Tree<'a> {
     fn one_robot(&self) -> Result<(), UrdfError> {
         for (id, body) in self.model.bodies.iter().enumerate() {
             let wrong = |reason: &str| Err(body.element.refused(reason));
-            if body.geoms.iter().any(|geom| matches!(geom.kind, Type::Plane | Type::HeightField)) && !self.model.still(id) {
+            if body.geoms.iter().any(|geom| matches!(geom.kind, Type::Plane | Type::HeightField))
+                && !self.model.still(id)
+            {
                 return wrong("planes and height fields stand in the world; this body moves");
             }
             for joint in &body.joints {
@@ -87,7 +90,9 @@ impl<'a> Tree<'a> {
                 match joint.kind {
                     Kind::Free if body.joints.len() > 1 => return wrong("a free joint is the one joint of its body"),
                     Kind::Free if joint.align && self.model.bodies.iter().skip(1).all(|other| other.parent != id) => {
-                        return wrong("align moves its frame to its centre of mass, which is not supported; write align=\"false\"");
+                        return wrong(
+                            "align moves its frame to its centre of mass, which is not supported; write align=\"false\"",
+                        );
                     }
                     Kind::Free if body.parent != 0 => return wrong("only a body in the world may have a free joint"),
                     Kind::Free if joint.friction != 0.0 || joint.stiffness != [0.0; 3] => {
@@ -98,7 +103,9 @@ impl<'a> Tree<'a> {
                     _ => {}
                 }
             }
-            let beside = self.free.is_some_and(|free| !body.joints.is_empty() && self.model.above(id).all(|above| above != free));
+            let beside = self
+                .free
+                .is_some_and(|free| !body.joints.is_empty() && self.model.above(id).all(|above| above != free));
             if beside {
                 return wrong("it moves beside a body that is free; a file has one robot here, leave out the others");
             }
@@ -115,7 +122,8 @@ impl<'a> Tree<'a> {
     pub fn all_joints(&self) -> impl Iterator<Item = (&String, &'a Joint, usize)> {
         let model = self.model;
         let all = self.joints.iter().zip(&model.bodies).enumerate();
-        let all = all.flat_map(|(id, (names, body))| names.iter().zip(&body.joints).map(move |(name, joint)| (name, joint, id)));
+        let all = all
+            .flat_map(|(id, (names, body))| names.iter().zip(&body.joints).map(move |(name, joint)| (name, joint, id)));
         all.filter(|(_, joint, _)| matches!(joint.kind, Kind::Hinge | Kind::Slide))
     }
 

@@ -47,7 +47,11 @@ static VALUES: LazyLock<HashMap<&str, &Value>> = LazyLock::new(|| {
 /// Type of an element's attribute.
 pub(super) fn value_of(tag: &str, key: &str) -> &'static Value {
     let all = &*VALUES;
-    all.get(&*format!("{tag}.{key}")).or_else(|| all.get(&*format!("{tag}.*"))).or_else(|| all.get(key)).copied().unwrap_or(&Value::Text)
+    all.get(&*format!("{tag}.{key}"))
+        .or_else(|| all.get(&*format!("{tag}.*")))
+        .or_else(|| all.get(key))
+        .copied()
+        .unwrap_or(&Value::Text)
 }
 
 impl Value {
@@ -67,7 +71,8 @@ impl Value {
             _ => return Self::Words(first, second.split('|').collect()),
         };
         let (least, most) = second.split_once('-').unwrap_or((second, second));
-        let bound = words.next().map(|bound| bound.split_at(bound.find(|c: char| c == '-' || c.is_ascii_digit()).unwrap_or(0)));
+        let bound =
+            words.next().map(|bound| bound.split_at(bound.find(|c: char| c == '-' || c.is_ascii_digit()).unwrap_or(0)));
         Self::Numbers {
             kind,
             least: least.parse().unwrap_or(1),
@@ -85,19 +90,29 @@ impl Value {
             Self::Filled => Ok(()),
             Self::Bytes => {
                 let number = text.trim().trim_end_matches(|c: char| "KMGTPE".contains(c.to_ascii_uppercase()));
-                let right = text.trim().len() <= number.len() + 1 && number.parse::<u64>().is_ok() || text.trim() == "-1";
-                if right { Ok(()) } else { refused(": it is a whole number, perhaps with one of K, M, G, T, P, E".into()) }
+                let right =
+                    text.trim().len() <= number.len() + 1 && number.parse::<u64>().is_ok() || text.trim() == "-1";
+                if right {
+                    Ok(())
+                } else {
+                    refused(": it is a whole number, perhaps with one of K, M, G, T, P, E".into())
+                }
             }
             Self::Numbers { kind, least, most, bound } => {
                 let (mut count, mut first) = (0, f64::NAN);
                 for word in text.split_whitespace() {
-                    let Some(x) = kind.number(word) else { return refused(format!(": `{}` is no {}", brief(word), kind.words())) };
+                    let Some(x) = kind.number(word) else {
+                        return refused(format!(": `{}` is no {}", brief(word), kind.words()));
+                    };
                     (first, count) = (if count == 0 { x } else { first }, count + 1);
                 }
                 // An empty list has no effect.
                 if count > 0 && !(*least..=*most).contains(&count) {
                     let needed = if least == most { least.to_string() } else { format!("{least} to {most}") };
-                    return refused(format!(" has {count} number{}; {needed} are needed", if count == 1 { "" } else { "s" }));
+                    return refused(format!(
+                        " has {count} number{}; {needed} are needed",
+                        if count == 1 { "" } else { "s" }
+                    ));
                 }
                 let Some((sign, x)) = bound.filter(|_| count > 0) else { return Ok(()) };
                 let wrong = match sign {
@@ -130,11 +145,8 @@ impl Number {
         let x = if self == Self::Whole { word.parse::<i32>().ok()?.into() } else { word.parse::<f64>().ok()? };
         let most = if self == Self::Single { f64::from(f32::MAX) } else { f64::MAX };
         // An explicit infinity is allowed, but not an overflow.
-        (!x.is_finite() && !word.contains(|c: char| c.is_ascii_digit()) || x.abs() <= most).then_some(if self == Self::Single {
-            f64::from(x as f32)
-        } else {
-            x
-        })
+        (!x.is_finite() && !word.contains(|c: char| c.is_ascii_digit()) || x.abs() <= most)
+            .then_some(if self == Self::Single { f64::from(x as f32) } else { x })
     }
 
     fn words(self) -> &'static str {

@@ -44,7 +44,11 @@ pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: Mass
         let first = sum(triangles(), &middle, signed)?;
         // The centre of mass of the second pass may differ from the first; MuJoCo ignores this.
         let moved = |second: &BodyInertia| parallel_axis(second.mass, &(second.com - first.com));
-        sum(triangles(), &first.com, signed).map(|own| BodyInertia { com: first.com, inertia: own.inertia + moved(&own), ..own })
+        sum(triangles(), &first.com, signed).map(|own| BodyInertia {
+            com: first.com,
+            inertia: own.inertia + moved(&own),
+            ..own
+        })
     };
     found.filter(|own| own.mass > 1e-14 && own.mass.is_finite())
 }

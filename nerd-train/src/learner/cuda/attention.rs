@@ -72,13 +72,32 @@ impl Attention {
     }
 
     /// Gradient of `qkv` from the gradient `gradient` of the output.
-    pub fn backward(&self, d: &Device, windows: usize, qkv: u64, gradient: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
+    pub fn backward(
+        &self,
+        d: &Device,
+        windows: usize,
+        qkv: u64,
+        gradient: u64,
+        out: u64,
+        rotations: u64,
+    ) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(gradient), Ptr(out), Ptr(rotations)])
+        d.launch(
+            "attention_backward",
+            grid,
+            threads,
+            self.shared().1,
+            &[Ptr(qkv), Ptr(gradient), Ptr(out), Ptr(rotations)],
+        )
     }
 
     /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
-    pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> Result<(), DeviceError> {
+    pub fn stream(
+        &self,
+        d: &Device,
+        rows: usize,
+        [qkv, ring, taken, out, rotations]: [u64; 5],
+    ) -> Result<(), DeviceError> {
         let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(rotations), Int(rows)];
         d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)
     }

@@ -55,12 +55,21 @@ impl Network {
     /// [`Network::forward`]. Writes gradients of the parameters at `w` to `to`, and of the tokens, `[rows][T][inputs]`,
     /// to `by_tokens`, where given. Parameters that no step reads keep their old gradient. The first row must lie at a
     /// multiple of four floats in every slot.
-    pub fn backward(&self, w: u64, to: Option<u64>, rows: Range<usize>, by_tokens: Option<u64>) -> Result<(), DeviceError> {
-        let Some(back) = &self.back else { return Err(DeviceError("the network was built without a backward pass".into())) };
+    pub fn backward(
+        &self,
+        w: u64,
+        to: Option<u64>,
+        rows: Range<usize>,
+        by_tokens: Option<u64>,
+    ) -> Result<(), DeviceError> {
+        let Some(back) = &self.back else {
+            return Err(DeviceError("the network was built without a backward pass".into()));
+        };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
         let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
-        let mut walk = Walk { net: self, back, first: rows.start, rows: rows.len(), to, slopes, free, read, waiting: Vec::new() };
+        let mut walk =
+            Walk { net: self, back, first: rows.start, rows: rows.len(), to, slopes, free, read, waiting: Vec::new() };
         let upstream = self.targets.at(rows.start * self.plan.tokens * self.plan.outputs());
         walk.slopes[self.plan.program.predictions().0] = Some(Slope { at: upstream, buffer: None });
         walk.slopes[0] = by_tokens.map(|at| Slope { at, buffer: None });
@@ -86,9 +95,15 @@ impl Walk<'_> {
         let n = self.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
-                let (dy, size) = (self.slope(to)?, Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) });
+                let (dy, size) =
+                    (self.slope(to)?, Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) });
                 if let Some(g) = self.to {
-                    self.gradient(Gradient { x: (self.at(from), plan.width(from)), dy, to: net.tensor(g, weight), size });
+                    self.gradient(Gradient {
+                        x: (self.at(from), plan.width(from)),
+                        dy,
+                        to: net.tensor(g, weight),
+                        size,
+                    });
                     if !add {
                         self.give()?;
                     }
@@ -113,7 +128,13 @@ impl Walk<'_> {
             Part::Shift { slot, bias, positions, .. } => {
                 let Some(g) = self.to else { return Ok(()) };
                 let gradient = |weight| net.tensor(g, weight);
-                net.sum_rows(self.slope(slot)?.at, self.rows, plan.width(slot), bias.map(gradient), positions.map(gradient))
+                net.sum_rows(
+                    self.slope(slot)?.at,
+                    self.rows,
+                    plan.width(slot),
+                    bias.map(gradient),
+                    positions.map(gradient),
+                )
             }
             Part::Step(step) => self.step(i, step, w),
         }
@@ -188,7 +209,15 @@ impl Walk<'_> {
     /// `dx = dy W^T + beta dx`.
     fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, size: Size, beta: f32) -> Result<(), DeviceError> {
         let (Size { rows, inner, columns }, ops) = (size, (Operand::Transposed, Operand::Plain));
-        self.net.device.product(Lane::Main, ops, (inner, rows, columns), (w, columns), (dy.at, columns), beta, (dx.at, inner))
+        self.net.device.product(
+            Lane::Main,
+            ops,
+            (inner, rows, columns),
+            (w, columns),
+            (dy.at, columns),
+            beta,
+            (dx.at, inner),
+        )
     }
 
     /// The gradient of a slot, summed over all its readers.

@@ -32,7 +32,8 @@ impl CudaForward {
     }
 
     fn newest(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), LearnError> {
-        let (width, history, windows, most) = (self.network.plan.inputs(), self.network.plan.tokens, last.len(), self.network.rows);
+        let (width, history, windows, most) =
+            (self.network.plan.inputs(), self.network.plan.tokens, last.len(), self.network.rows);
         let fits = tokens <= history && windows <= most && inputs.len() == windows * tokens * width;
         if !fits || last.iter().any(|&l| l as usize >= tokens) {
             let have = inputs.len();

@@ -32,7 +32,8 @@ impl FramesBack {
         let (config, system, n) = (model.config.network, &batch.system, batch.len());
         let solver = |e: LearnError| StepError::Solver(e.to_string());
         let plan = Plan::of(&config, 1).map_err(solver)?;
-        let (mut network, weights) = Network::with_weights(plan, &model.weights.flat, n * frames, Precision::F32, true).map_err(solver)?;
+        let (mut network, weights) =
+            Network::with_weights(plan, &model.weights.flat, n * frames, Precision::F32, true).map_err(solver)?;
         let text = gradient_program(model.config.form(), &model.normalizer, system, Reach::of(batch));
         network.device.add(&text, &["gradients_look", "gradients_said", "gradients_back"]).map_err(failed)?;
         let by_tokens = network.device.zeros(n * config.inputs).map_err(failed)?;
@@ -56,7 +57,8 @@ impl FramesBack {
     /// Computes the network's activations in all frames of `trail`.
     pub(super) fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
         let rows = trail.frames * held.n;
-        let world = [trail.states, trail.torques, held.records.ptr, held.scene_of.ptr, self.network.at(Slot(0))].map(Ptr);
+        let world =
+            [trail.states, trail.torques, held.records.ptr, held.scene_of.ptr, self.network.at(Slot(0))].map(Ptr);
         self.each("gradients_look", rows, &[&world[..], &[Int(rows), Int(held.n)]].concat())?;
         self.network.forward(self.weights.ptr, rows)
     }
@@ -65,8 +67,10 @@ impl FramesBack {
     pub(super) fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
         let (Self { network, weights, state, .. }, n) = (self, held.n);
         let rows = back.frame * n..(back.frame + 1) * n;
-        let (states, said) = (Ptr(trail.states + 8 * (rows.start * state) as u64), network.predictions().at(rows.start * state));
-        let [scenes, scene_of, said, by_tokens] = [held.records.ptr, held.scene_of.ptr, said, self.by_tokens.ptr].map(Ptr);
+        let (states, said) =
+            (Ptr(trail.states + 8 * (rows.start * state) as u64), network.predictions().at(rows.start * state));
+        let [scenes, scene_of, said, by_tokens] =
+            [held.records.ptr, held.scene_of.ptr, said, self.by_tokens.ptr].map(Ptr);
         let [grad_next, by_states, by_torques] = [back.grad_next, back.by_states, back.by_torques].map(Ptr);
         for row in 0..back.rows {
             let which = [back.rows, row, n].map(Int);

@@ -7,10 +7,23 @@ impl Plan {
     /// Lowers `program` for windows of `tokens` tokens. Refuses a program that the kernels do not cover.
     pub fn new(program: Program, tokens: usize) -> Result<Self, LearnError> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
-        let mut plan = Self { tokens, parts: Vec::new(), starts, folds: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
+        let mut plan = Self {
+            tokens,
+            parts: Vec::new(),
+            starts,
+            folds: Vec::new(),
+            folded: 0,
+            padded,
+            attention: None,
+            norm: 0,
+            program,
+        };
         // Kernels index the flat vector with 31 bits.
         if plan.parameters() > i32::MAX as usize / 4 {
-            return Err(LearnError::Mismatch(format!("{} parameters are too many for the CUDA engine", plan.parameters())));
+            return Err(LearnError::Mismatch(format!(
+                "{} parameters are too many for the CUDA engine",
+                plan.parameters()
+            )));
         }
         for i in 0..plan.program.steps.len() {
             plan.check_slots(i)?;
@@ -18,7 +31,9 @@ impl Plan {
         }
         plan.fuse_shifts();
         if plan.independent_from() == plan.parts.len() {
-            return Err(LearnError::Mismatch("the CUDA engine needs a last operation in which tokens are independent".into()));
+            return Err(LearnError::Mismatch(
+                "the CUDA engine needs a last operation in which tokens are independent".into(),
+            ));
         }
         Ok(plan)
     }
@@ -40,7 +55,8 @@ impl Plan {
             return refuse("what several steps read, or add to, is read by norms and products alone");
         }
         // A weight gradient needs the input of the product unchanged.
-        let changes = |later: &Step| later.to == from && matches!(later.op, Op::Linear { add: true, .. } | Op::Place(_));
+        let changes =
+            |later: &Step| later.to == from && matches!(later.op, Op::Linear { add: true, .. } | Op::Place(_));
         if linear && steps[i + 1..].iter().any(changes) {
             return refuse("what a later step changes is read by norms alone");
         }
@@ -53,12 +69,19 @@ impl Plan {
             Op::Linear { weight, scale, bias, add } => {
                 let folded = scale.map(|scale| self.fold_scale(weight, scale));
                 self.parts.push(Part::Linear { from, to, weight, folded, add });
-                self.parts.extend(bias.map(|bias| Part::Shift { slot: to, bias: Some(bias), positions: None, fused: false }));
+                self.parts.extend(bias.map(|bias| Part::Shift {
+                    slot: to,
+                    bias: Some(bias),
+                    positions: None,
+                    fused: false,
+                }));
                 return Ok(());
             }
             Op::Place(place) => {
                 match self.parts.last_mut() {
-                    Some(Part::Shift { slot, positions: positions @ None, .. }) if *slot == to => *positions = Some(place),
+                    Some(Part::Shift { slot, positions: positions @ None, .. }) if *slot == to => {
+                        *positions = Some(place)
+                    }
                     _ => self.parts.push(Part::Shift { slot: to, bias: None, positions: Some(place), fused: false }),
                 }
                 return Ok(());
@@ -77,7 +100,9 @@ impl Plan {
                 }
                 self.attention = Some(attention);
             }
-            Op::Gate if !self.program.width(to).is_multiple_of(4) => return refuse("a gate of a width that four divides is needed"),
+            Op::Gate if !self.program.width(to).is_multiple_of(4) => {
+                return refuse("a gate of a width that four divides is needed");
+            }
             Op::Neighbours(_) | Op::Activate(_) | Op::Gate => {}
         }
         self.parts.push(Part::Step(step));
@@ -137,7 +162,12 @@ mod tests {
             // input that a later step changes.
             |p, x| _ = p.then(x, 14, Op::Attend { heads: 2, band: None }),
             |p, x| _ = [Activation::Gelu, Activation::Relu].map(|f| p.then(x, 42, Op::Activate(f))),
-            |p, x| _ = (p.normed("a", "b", x, 10, Init::Constant(0.0)), p.normed("c", "d", Slot(3), 8, Init::Constant(0.0))),
+            |p, x| {
+                _ = (
+                    p.normed("a", "b", x, 10, Init::Constant(0.0)),
+                    p.normed("c", "d", Slot(3), 8, Init::Constant(0.0)),
+                )
+            },
             |p, x| {
                 let y = p.linear("other", x, 42, [Init::Constant(0.0); 2]);
                 let z = p.then(y, 42, Op::Activate(Activation::Gelu));

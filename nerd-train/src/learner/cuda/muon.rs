@@ -39,7 +39,8 @@ impl Muon {
         let group = |((rows, columns), lane): ((usize, usize), Lane)| -> Result<Group, LearnError> {
             let matrices: Vec<&Hidden> = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect();
             let count = matrices.len();
-            let table: Vec<[i32; 4]> = matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
+            let table: Vec<[i32; 4]> =
+                matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
             let zeros = |len: usize| device.zeros::<f32>(count * len);
             Ok(Group {
                 lane,
@@ -79,7 +80,16 @@ impl Group {
         let [a, b, k] = COEFFICIENTS;
         let shape = [Int(r), Int(c)];
         let mut x = (&self.x[0], &self.x[1]);
-        let pack = [Ptr(gradients), Ptr(m), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(MOMENTUM), shape[0], shape[1]];
+        let pack = [
+            Ptr(gradients),
+            Ptr(m),
+            Ptr(x.0.ptr),
+            Ptr(self.table.ptr),
+            Ptr(scalars),
+            Float(MOMENTUM),
+            shape[0],
+            shape[1],
+        ];
         d.launch_on(self.lane, "muon_pack", grid(r * c), (256, 1), 0, &pack)?;
         d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &[Ptr(x.0.ptr), Int(r * c)])?;
         let (wide, square) = (r * c, r * r);
@@ -88,7 +98,13 @@ impl Group {
             let gram = Batch { ops: (Op::Transposed, Op::Plain), size: (r, r, c), count: n };
             d.products(self.lane, gram, (x.0.ptr, c, wide), (x.0.ptr, c, wide), (self.gram.ptr, r, square))?;
             let squared = Batch { ops: (Op::Plain, Op::Plain), size: (r, r, r), count: n };
-            d.products(self.lane, squared, (self.gram.ptr, r, square), (self.gram.ptr, r, square), (self.polynomial.ptr, r, square))?;
+            d.products(
+                self.lane,
+                squared,
+                (self.gram.ptr, r, square),
+                (self.gram.ptr, r, square),
+                (self.polynomial.ptr, r, square),
+            )?;
             let blend = [Ptr(self.gram.ptr), Ptr(self.polynomial.ptr), Float(a), Float(b), Float(k), Int(r)];
             d.launch_on(self.lane, "muon_polynomial", grid(r * r), (256, 1), 0, &blend)?;
             // P is symmetric: (P X)^T = X^T P.
@@ -96,7 +112,16 @@ impl Group {
             d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
             x = (x.1, x.0);
         }
-        let apply = [Ptr(weights), Ptr(average), Ptr(x.0.ptr), Ptr(self.table.ptr), Ptr(scalars), Float(self.gain), shape[0], shape[1]];
+        let apply = [
+            Ptr(weights),
+            Ptr(average),
+            Ptr(x.0.ptr),
+            Ptr(self.table.ptr),
+            Ptr(scalars),
+            Float(self.gain),
+            shape[0],
+            shape[1],
+        ];
         d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
     }
 }

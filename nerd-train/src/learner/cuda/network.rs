@@ -63,7 +63,10 @@ impl Network {
         // The f16 kernel needs compute capability 8. Training changes the weights, which would have to be packed every
         // time.
         let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;
-        let whole = half.then(|| of(Products::F16).filter(|whole| whole.shared <= most)).flatten().or_else(|| of(Products::F32));
+        let whole = half
+            .then(|| of(Products::F16).filter(|whole| whole.shared <= most))
+            .flatten()
+            .or_else(|| of(Products::F32));
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
@@ -73,12 +76,21 @@ impl Network {
         let widest = plan.program.widths.iter().max().copied().unwrap_or(0);
         let partial_sums = SUMS.max(plan.tokens * widest);
         let chosen = if plan.tokens > 1 && !train { plan.live(plan.independent_from()) } else { Vec::new() };
-        let back = || Ok::<_, DeviceError>(BackwardMemory { buffers: RefCell::default(), fork: device.event()?, join: device.event()? });
+        let back = || {
+            Ok::<_, DeviceError>(BackwardMemory {
+                buffers: RefCell::default(),
+                fork: device.event()?,
+                join: device.event()?,
+            })
+        };
         Ok(Self {
             targets: zeros(n * plan.outputs())?,
             values: layout.widths.iter().map(|width| zeros(n * width)).collect::<Result<_, _>>()?,
             buffer_of: layout.buffer_of,
-            chosen: chosen.into_iter().map(|slot| Ok((slot, zeros(rows * plan.width(slot))?))).collect::<Result<_, DeviceError>>()?,
+            chosen: chosen
+                .into_iter()
+                .map(|slot| Ok((slot, zeros(rows * plan.width(slot))?)))
+                .collect::<Result<_, DeviceError>>()?,
             folded: zeros(plan.folded)?,
             folds: device.upload(&plan.folds)?,
             rotations: device.upload(&plan.attention.map_or(Vec::new(), |a| a.rotations(&plan.program.frequencies)))?,

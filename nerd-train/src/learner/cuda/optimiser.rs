@@ -47,7 +47,8 @@ pub(crate) struct Optimiser {
 impl Optimiser {
     /// Resumes `state`. `beta` is Adam's second.
     pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> Result<Self, LearnError> {
-        let (shape, scalars) = (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
+        let (shape, scalars) =
+            (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
         let muon = match config.optimizer {
             Optimizer::Adam => None,
             Optimizer::Muon => Some(Muon::new(d, &shape)?),
@@ -84,7 +85,13 @@ impl Optimiser {
         let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
         let factors = Ptr(self.scalars.ptr + offset_of!(Scalars, scale) as u64);
         let bad = Ptr(self.scalars.ptr + offset_of!(Scalars, bad_step) as u64);
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, Double(0.9), beta])?;
+        d.launch(
+            "adam",
+            (p.div_ceil(256), 1),
+            (256, 1),
+            0,
+            &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, Double(0.9), beta],
+        )?;
         let vectors = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
         self.muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, self.scalars.ptr)?))
     }

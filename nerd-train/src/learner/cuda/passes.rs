@@ -47,14 +47,22 @@ impl Network {
     pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
         let mut at = self.addresses();
         at[0] = tokens;
-        self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+        self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| {
+            self.attention(rows, qkv, out)
+        })
     }
 
     /// Predictions for all tokens of `rows` windows. A fused kernel, if there is one, fills no other slot.
     pub fn predict(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         if let Some(whole) = &self.whole {
             let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
-            return self.device.launch("whole_pass", (rows.div_ceil(whole.windows), 1), (whole.threads, 1), whole.shared, &args);
+            return self.device.launch(
+                "whole_pass",
+                (rows.div_ceil(whole.windows), 1),
+                (whole.threads, 1),
+                whole.shared,
+                &args,
+            );
         }
         self.forward(w, rows)
     }
@@ -76,7 +84,14 @@ impl Network {
     }
 
     /// Runs some parts over `n` rows of slots. `at` has the slots' addresses.
-    pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> Result<(), DeviceError> {
+    pub(super) fn run(
+        &self,
+        w: u64,
+        parts: Range<usize>,
+        at: &[u64],
+        n: usize,
+        attend: Attend,
+    ) -> Result<(), DeviceError> {
         let plan = &self.plan;
         let optional = |weight: Option<Weight>| Ptr(weight.map_or(0, |weight| self.tensor(w, weight)));
         let (mut attentions, mut shift) = (0, [Ptr(0); 2]);
@@ -116,12 +131,18 @@ impl Network {
                 let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.saved[i].ptr), Int(n)];
                 self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)
             }
-            Op::Neighbours(apart) => {
-                self.launch_each("neighbours_forward", n * to, &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)])
-            }
+            Op::Neighbours(apart) => self.launch_each(
+                "neighbours_forward",
+                n * to,
+                &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)],
+            ),
             Op::Activate(f) => {
                 let quads = (n * to).div_ceil(4);
-                self.launch_each(activation_kernels(f)[0], quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
+                self.launch_each(
+                    activation_kernels(f)[0],
+                    quads,
+                    &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)],
+                )
             }
             Op::Gate => {
                 let quads = n * to / 4;
@@ -135,10 +156,25 @@ impl Network {
     /// `y = x W + beta y`, with rows of x `stride` apart.
     ///
     /// cuBLAS is column-major and sees every array transposed, so it computes `y^T = W^T x^T`.
-    pub(super) fn linear(&self, (x, stride): (u64, usize), w: u64, y: u64, size: Size, beta: f32) -> Result<(), DeviceError> {
+    pub(super) fn linear(
+        &self,
+        (x, stride): (u64, usize),
+        w: u64,
+        y: u64,
+        size: Size,
+        beta: f32,
+    ) -> Result<(), DeviceError> {
         let Size { rows, inner, columns } = size;
         let shape = (columns, rows, inner);
-        self.device.product(Lane::Main, (Operand::Plain, Operand::Plain), shape, (w, columns), (x, stride), beta, (y, columns))
+        self.device.product(
+            Lane::Main,
+            (Operand::Plain, Operand::Plain),
+            shape,
+            (w, columns),
+            (x, stride),
+            beta,
+            (y, columns),
+        )
     }
 
     fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {
@@ -151,14 +187,22 @@ impl Network {
         let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial_sums.ptr));
         let [scale, bend] = [2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip())].map(Float);
         let blocks = (n * outputs).div_ceil(256).min(LOSS_BLOCKS);
-        let args = [Ptr(self.predictions().ptr), Ptr(self.targets.ptr), partial, Long((n * outputs) as u64), scale, bend];
+        let args =
+            [Ptr(self.predictions().ptr), Ptr(self.targets.ptr), partial, Long((n * outputs) as u64), scale, bend];
         self.device.launch("loss", (blocks, 1), (256, 1), 0, &args)?;
         self.column_sum(self.partial_sums.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
     /// Sums a gradient at `dy`, of `rows` windows and `width` columns. The sum over windows is the gradient of
     /// positions; the sum over all tokens is the gradient of a bias.
-    pub fn sum_rows(&self, dy: u64, rows: usize, width: usize, bias: Option<u64>, positions: Option<u64>) -> Result<(), DeviceError> {
+    pub fn sum_rows(
+        &self,
+        dy: u64,
+        rows: usize,
+        width: usize,
+        bias: Option<u64>,
+        positions: Option<u64>,
+    ) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
         let (rows, columns) = if positions.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
         let chunks = rows.min(SUMS / columns).clamp(1, CHUNKS);
@@ -168,10 +212,20 @@ impl Network {
             self.column_sum(self.partial_sums.ptr, chunks, columns, sums)?;
         }
         // A bias is added at every position.
-        if let (Some(positions), Some(bias)) = (positions, bias) { self.column_sum(positions, tokens, width, bias) } else { Ok(()) }
+        if let (Some(positions), Some(bias)) = (positions, bias) {
+            self.column_sum(positions, tokens, width, bias)
+        } else {
+            Ok(())
+        }
     }
 
     fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), DeviceError> {
-        self.device.launch("column_sum", (width.div_ceil(32), 1), (32, 8), 0, &[Ptr(src), Int(rows), Int(width), Ptr(out)])
+        self.device.launch(
+            "column_sum",
+            (width.div_ceil(32), 1),
+            (32, 8),
+            0,
+            &[Ptr(src), Int(rows), Int(width), Ptr(out)],
+        )
     }
 }

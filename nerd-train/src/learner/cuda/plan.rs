@@ -84,7 +84,9 @@ impl Plan {
 
     /// Whether an activation is fused with a bias.
     pub fn biased(&self) -> bool {
-        let fused = |pair: &[Part]| matches!(pair, [Part::Shift { fused: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })]);
+        let fused = |pair: &[Part]| {
+            matches!(pair, [Part::Shift { fused: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })])
+        };
         self.parts.windows(2).any(fused)
     }
 
@@ -104,14 +106,16 @@ impl Plan {
     pub fn live(&self, first: usize) -> Vec<Slot> {
         let slots = (0..self.program.widths.len()).map(Slot);
         let written = |slot: Slot| slot == Slot(0) || self.parts[..first].iter().any(|part| part.to() == slot);
-        let read = |slot: Slot| self.parts[first..].iter().any(|part| part.reads(slot)) || slot == self.program.predictions();
+        let read =
+            |slot: Slot| self.parts[first..].iter().any(|part| part.reads(slot)) || slot == self.program.predictions();
         slots.filter(|slot| written(*slot) && read(*slot)).collect()
     }
 
     /// Assigns a buffer to each slot. With `keep`, for a backward pass, no buffer is shared; else slots share buffers
     /// while they are not live together.
     pub(super) fn layout(&self, keep: bool) -> Layout {
-        let (mut buffer_of, mut widths, mut free) = (vec![usize::MAX; self.program.widths.len()], vec![self.padded], Vec::new());
+        let (mut buffer_of, mut widths, mut free) =
+            (vec![usize::MAX; self.program.widths.len()], vec![self.padded], Vec::new());
         buffer_of[0] = 0;
         for (i, part) in self.parts.iter().enumerate() {
             let (to, width) = (part.to(), self.width(part.to()));
@@ -159,10 +163,15 @@ mod tests {
             let Layout { buffer_of, widths } = plan.layout(false);
             for i in 0..plan.parts.len() {
                 // The slot that part i writes is included: its buffer must not overlap its inputs.
-                let slots: BTreeSet<usize> = plan.live(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0).collect();
+                let slots: BTreeSet<usize> =
+                    plan.live(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0).collect();
                 let buffers: BTreeSet<usize> = slots.iter().map(|slot| buffer_of[*slot]).collect();
                 assert_eq!(buffers.len(), slots.len(), "{}, part {i}", specimen.name);
-                assert!(slots.iter().all(|slot| widths[buffer_of[*slot]] == plan.width(Slot(*slot))), "{}, part {i}", specimen.name);
+                assert!(
+                    slots.iter().all(|slot| widths[buffer_of[*slot]] == plan.width(Slot(*slot))),
+                    "{}, part {i}",
+                    specimen.name
+                );
             }
         }
     }

@@ -16,7 +16,13 @@ impl CudaProgram {
     /// # Errors
     /// [`LearnError::Mismatch`] if the kernels do not cover the program. [`LearnError::Device`] if there is no GPU, a
     /// library is missing or memory runs out.
-    pub fn new(program: Program, flat: &[f32], precision: Precision, windows: usize, tokens: usize) -> Result<Self, LearnError> {
+    pub fn new(
+        program: Program,
+        flat: &[f32],
+        precision: Precision,
+        windows: usize,
+        tokens: usize,
+    ) -> Result<Self, LearnError> {
         let plan = Plan::new(program, tokens)?;
         let by_tokens = windows * tokens * plan.inputs();
         let (network, weights) = Network::with_weights(plan, flat, windows, precision, true)?;
@@ -38,7 +44,11 @@ impl CudaProgram {
         self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
 
-    fn pass(&mut self, tokens: &[f32], pass: impl Fn(&Network, u64) -> Result<(), DeviceError>) -> Result<Vec<f32>, LearnError> {
+    fn pass(
+        &mut self,
+        tokens: &[f32],
+        pass: impl Fn(&Network, u64) -> Result<(), DeviceError>,
+    ) -> Result<Vec<f32>, LearnError> {
         if tokens.len() != self.by_tokens.len {
             return Err(LearnError::Mismatch(format!("{} numbers for tokens of {}", tokens.len(), self.by_tokens.len)));
         }

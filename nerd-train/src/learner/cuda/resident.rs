@@ -40,7 +40,12 @@ enum Engine {
 ///
 /// # Errors
 /// If the network sees windows, the model is conditioned on parameters, or the kernels do not cover it.
-pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
+pub fn resident(
+    model: Model,
+    system: &Arc<System>,
+    real: Real,
+    precision: Precision,
+) -> Result<OnDevice<Frames>, String> {
     let network = model.config.network;
     if model.config.told {
         return Err("what is told of each robot has no kernel: the network alone is on the card".into());
@@ -64,10 +69,15 @@ impl Motion for Frames {
         let Some((chain, _)) = &self.chain else { return Ok(()) };
         let (joints, gravity) = (batch.system.robot.joint_count(), batch.system.gravity());
         if joints != 6 + 2 * chain.rods {
-            return Err(StepError::Refused(format!("a chain of {} rods was learned, the robot has {joints} joints", chain.rods)));
+            return Err(StepError::Refused(format!(
+                "a chain of {} rods was learned, the robot has {joints} joints",
+                chain.rods
+            )));
         }
         match batch.scenes.iter().position(|scene| scene.gravity != gravity) {
-            Some(env) => Err(StepError::Refused(format!("gravity of environment {env} is not what was learned; step it on the CPU"))),
+            Some(env) => Err(StepError::Refused(format!(
+                "gravity of environment {env} is not what was learned; step it on the CPU"
+            ))),
             None => Ok(()),
         }
     }
@@ -78,11 +88,14 @@ impl Motion for Frames {
         let solver = |e: LearnError| StepError::Solver(e.to_string());
         let engine = match &self.chain {
             Some(_) if reach.fields => {
-                return Err(StepError::Refused("a cable's model does not know terrain on a device; step it on the CPU".into()));
+                return Err(StepError::Refused(
+                    "a cable's model does not know terrain on a device; step it on the CPU".into(),
+                ));
             }
             Some((chain, scale)) => {
                 let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
-                let (mut network, weights) = Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
+                let (mut network, weights) =
+                    Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
                 let text = chain_program(chain, scale, &batch.system, reach.colliders);
                 network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
                 let rods = network.device.zeros(envs * numbers(chain)).map_err(failed)?;
@@ -182,7 +195,8 @@ impl Made {
 
     /// One frame; launched as a graph from the second call on.
     fn go(&self, held: &Held) -> Result<(), DeviceError> {
-        self.replay.run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
+        self.replay
+            .run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
     /// Launches the kernels of one frame.
@@ -193,7 +207,9 @@ impl Made {
         };
         let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr].map(Ptr);
         let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
-        let look = |kernel, lanes, out: &[Arg]| grid(kernel, n * lanes, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat());
+        let look = |kernel, lanes, out: &[Arg]| {
+            grid(kernel, n * lanes, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat())
+        };
         let follow = |kernel, by: &[Arg]| grid(kernel, *n, &[&[Ptr(states.ptr)], by, &end].concat());
         let network = self.engine.network();
         let (tokens, predictions) = (Ptr(network.at(Slot(0))), Ptr(network.predictions().ptr));

@@ -21,7 +21,8 @@ impl CudaStream {
     /// [`LearnError::Mismatch`] if the network sees windows (table of positions) or the kernels do not cover it.
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
-        let (network, weights) = Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
+        let (network, weights) =
+            Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
         let (d, plan) = (&network.device, &network.plan);
         let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
         Ok(Self {

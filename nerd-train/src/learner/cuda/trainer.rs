@@ -85,7 +85,8 @@ impl CudaLearner {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));
         let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
-        let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
+        let from =
+            [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
         let args = [&from[..], &[windows, per, frames, Ptr(numbers)]].concat();
         Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &args)?)
     }

@@ -52,11 +52,17 @@ impl CudaEngine {
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
-        self.ask(self.weights.ptr, self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
+        self.ask(
+            self.weights.ptr,
+            self.kept.observations.at(first * width),
+            self.steps.inputs.at(first * self.net.plan.padded),
+            n,
+        )?;
         let Steps { neg_log_prob, actions, means, spreads, .. } = &self.steps;
         let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), neg_log_prob.at(first)];
         let read = [self.said(), self.parameter()].map(Ptr);
-        let (key, noise) = (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
+        let (key, noise) =
+            (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
         let kept = [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr);
         let sizes = [n, a, self.shape.outputs()].map(Int);
         self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes].concat())
@@ -87,7 +93,11 @@ impl CudaEngine {
         let mut moments = [vec![0.0; width], vec![0.0; width]];
         let mut about = 0;
         for (out, moments) in self.kept.means.iter().zip(&mut moments) {
-            self.over("columns", PARTS * width, &[Ptr(rows), Ptr(about), Long(n as u64), Int(width), Int(PARTS), Ptr(partial)])?;
+            self.over(
+                "columns",
+                PARTS * width,
+                &[Ptr(rows), Ptr(about), Long(n as u64), Int(width), Int(PARTS), Ptr(partial)],
+            )?;
             self.over("mean", width, &[Ptr(partial), Long(n as u64), Int(width), Int(PARTS), Ptr(out.ptr)])?;
             self.net.device.read(out, moments)?;
             about = out.ptr;
@@ -111,7 +121,11 @@ impl CudaEngine {
         let laws = [mean[0], deviation, goal, goal_scale, said[0], said[1]].map(Double);
         let Steps { advantages, value_targets, values, .. } = &self.steps;
         let read = [Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
-        Ok(self.over("loss_inputs", n, &[&read[..], &laws, &[advantages.ptr, value_targets.ptr, values.ptr].map(Ptr)].concat())?)
+        Ok(self.over(
+            "loss_inputs",
+            n,
+            &[&read[..], &laws, &[advantages.ptr, value_targets.ptr, values.ptr].map(Ptr)].concat(),
+        )?)
     }
 
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<()> {

@@ -75,7 +75,10 @@ impl StepwiseRollout for CudaEngine {
     fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
         let steps = [step * n, horizon * n, ends.len()];
-        self.fits("rows and rewards", rows.len() == n * self.shape.inputs() && steps.iter().all(|len| *len == rewards.len()))?;
+        self.fits(
+            "rows and rewards",
+            rows.len() == n * self.shape.inputs() && steps.iter().all(|len| *len == rewards.len()),
+        )?;
         self.net.device.write(&self.kept.rows, rows)?;
         self.net.device.write(&self.kept.rewards, rewards)?;
         self.net.device.write(&self.kept.ends, ends)?;

@@ -54,7 +54,8 @@ impl CudaEpisodes {
         let (terminated, truncated, ends) = (device.zeros(n)?, device.zeros(n)?, device.zeros(n)?);
         let (observations, reached, rewards) = (single(seen)?, single(seen)?, single(n)?);
         let shown = Arc::new(Shown { observations, reached, rewards, terminated, truncated });
-        let (actions, cuts, rows, cut, rewards) = (single(n * about.action)?, device.zeros(n)?, wide(seen)?, wide(seen)?, wide(n)?);
+        let (actions, cuts, rows, cut, rewards) =
+            (single(n * about.action)?, device.zeros(n)?, wide(seen)?, wide(seen)?, wide(n)?);
         let world = taken(&mut episodes, &device)?;
         let exchange = Exchange { device, actions, rows, cut, cuts, rewards, ends, shown };
         exchange.begin(episodes.observations())?;
@@ -95,7 +96,9 @@ impl CudaEpisodes {
     /// # Errors
     /// If a start cannot be stepped, or the device failed.
     pub fn failed(&mut self) -> Result<usize> {
-        let Some(resident) = self.episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
+        let Some(resident) = self.episodes.simulation.solver.resident() else {
+            refuse!("the solver has left the device")
+        };
         Ok(self.world.end(&*resident)?)
     }
 
@@ -118,7 +121,12 @@ impl CudaEpisodes {
 impl Exchange {
     fn offer(&self, actions: u64) -> Result<(), DeviceError> {
         let (all, n) = (self.actions.len, self.ends.len);
-        over(&self.device, "offer", all.max(n), &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat())
+        over(
+            &self.device,
+            "offer",
+            all.max(n),
+            &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat(),
+        )
     }
 
     fn show(&self) -> Result<(), DeviceError> {

@@ -38,7 +38,12 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub(super) fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
+    pub(super) fn new(
+        net: &Network,
+        shape: &Shape,
+        config: &PpoConfig,
+        environments: usize,
+    ) -> Result<Self, DeviceError> {
         let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
         let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
         Ok(Self {
@@ -68,7 +73,8 @@ impl Kept {
     pub(super) fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
         if self.slots < slots {
             let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
-            (self.rows, self.inputs) = (device.zeros(all * self.rows.len / n / (1 + self.slots))?, device.zeros(all * net.plan.padded)?);
+            (self.rows, self.inputs) =
+                (device.zeros(all * self.rows.len / n / (1 + self.slots))?, device.zeros(all * net.plan.padded)?);
             (self.which, self.slots) = (device.zeros(all)?, slots);
         }
         Ok(())

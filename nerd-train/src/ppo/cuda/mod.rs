@@ -27,7 +27,8 @@ use super::*;
 pub use episodes::{CudaEpisodes, Shown};
 pub use shac::CudaShac;
 
-const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
+const SOURCE: [&str; 4] =
+    [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
 /// Threads of a block, and blocks of the first stage of the gradient norm.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;

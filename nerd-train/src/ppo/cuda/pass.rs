@@ -15,7 +15,16 @@ impl CudaEngine {
         self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
         net.forward(w, rows)?;
         let Steps { advantages, value_targets, values, neg_log_prob, actions, means, spreads, .. } = &self.steps;
-        let read = [self.said(), self.parameter(), order, actions.ptr, neg_log_prob.ptr, advantages.ptr, value_targets.ptr, values.ptr];
+        let read = [
+            self.said(),
+            self.parameter(),
+            order,
+            actions.ptr,
+            neg_log_prob.ptr,
+            advantages.ptr,
+            value_targets.ptr,
+            values.ptr,
+        ];
         let written = [means.ptr, spreads.ptr, net.targets.ptr, self.spread.ptr, self.terms.ptr];
         // SHAC's critic learns by the value loss alone.
         let critic = if config.algorithm == Algorithm::Shac { 1.0 } else { CRITIC };
@@ -27,8 +36,15 @@ impl CudaEngine {
             net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
         }
         let n = Long(self.weights.len as u64);
-        self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
-        let (terms, squares) = ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
+        self.net.device.launch(
+            "squares",
+            (SQUARES, 1),
+            (256, 1),
+            0,
+            &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)],
+        )?;
+        let (terms, squares) =
+            ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
         let rest = [Int(rows), Float(GRADIENT_NORM), Double(config.target_kl)];
         let args = [&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat();
         self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &args)?;
@@ -48,8 +64,16 @@ impl CudaEngine {
     }
 
     /// Runs a pass for each permutation; weights and Adam's moments are on the device.
-    pub(super) fn passes(&mut self, adam: &mut Adam, config: &PpoConfig, orders: impl Iterator<Item = Vec<u32>>) -> Result<Updated> {
-        self.net.device.write(&self.state, &[PassState { learning_rate: adam.learning_rate, step: adam.step, ..Default::default() }])?;
+    pub(super) fn passes(
+        &mut self,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: impl Iterator<Item = Vec<u32>>,
+    ) -> Result<Updated> {
+        self.net.device.write(
+            &self.state,
+            &[PassState { learning_rate: adam.learning_rate, step: adam.step, ..Default::default() }],
+        )?;
         let mut passes = 0;
         for order in orders {
             self.net.device.write(&self.order, &order)?;

@@ -11,7 +11,8 @@ impl CudaEngine {
     ) -> Result<RolloutStats> {
         let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
         let (resident, noise, horizon) = (&*resident, *noise, config.horizon);
-        let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
+        let right =
+            horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right)?;
         self.take(policy, noise)?;
         self.kept.slots(&self.net, world.cuts(horizon))?;

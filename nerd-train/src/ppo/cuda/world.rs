@@ -17,7 +17,8 @@ struct Fields {
 }
 
 /// Kernels of a task; all but the first two belong to the backward pass.
-const KERNELS: [&str; 6] = ["task_act", "task_judge", "task_arrive_back", "task_acted_back", "task_leave", "task_begin_again"];
+const KERNELS: [&str; 6] =
+    ["task_act", "task_judge", "task_arrive_back", "task_acted_back", "task_leave", "task_begin_again"];
 
 /// Episodes of one task on a device.
 pub(super) struct World {
@@ -55,8 +56,13 @@ struct Past {
 impl World {
     /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
     /// device. `back` is the horizon of rollouts that are differentiated.
-    pub(super) fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
-        let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
+    pub(super) fn new(
+        episodes: &mut Episodes,
+        beside: &Device,
+        back: Option<usize>,
+    ) -> Result<Option<Self>, StepError> {
+        let (kept, most, (seed, first), task) =
+            (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let climbs = i32::from(episodes.climbs());
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
@@ -77,17 +83,29 @@ impl World {
             let kernels = if back.is_some() { &KERNELS[..] } else { &KERNELS[..2] };
             let device = Device::open(&text, kernels)?;
             device.join(beside)?;
-            let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
+            let (goals, frames, begun) =
+                (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
-            let [states, torques, records, of] = [held.states.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
-            let at = [states, goals.ptr, torques, records, of, held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr];
+            let [states, torques, records, of] =
+                [held.states.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
+            let at =
+                [states, goals.ptr, torques, records, of, held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr];
             let before = device.upload(&before(&kept, if system.sensed() { LATEST as usize } else { 0 }, n))?;
-            let fields =
-                Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32, climbs, before: before.ptr };
+            let fields = Fields {
+                at,
+                key: key(&stream(seed, 0)),
+                first: first as u64,
+                counts: counts.ptr,
+                n: n as i32,
+                climbs,
+                before: before.ptr,
+            };
             let frames_back = steps * task.frames() as usize;
-            let (room, sizes) = (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
+            let (room, sizes) =
+                (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
             let [states, torques, asked] = sizes.map(|size| device.zeros(room * size));
-            let past = Past { most, known: 0, room, states: states?, torques: torques?, goals: asked?, sizes, count: 0 };
+            let past =
+                Past { most, known: 0, room, states: states?, torques: torques?, goals: asked?, sizes, count: 0 };
             let reached = back.map(|steps| device.zeros(steps * kept.states.len())).transpose()?;
             let fields = device.upload(&[fields])?;
             let (step, length, states) = (task.frames() as usize, task.episode_length().max(1), kept.states.clone());
@@ -125,11 +143,23 @@ impl World {
     }
 
     fn launch(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(kernel, (self.n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &[&[Ptr(self.fields.ptr)], args].concat())
+        self.device.launch(
+            kernel,
+            (self.n.div_ceil(BLOCK), 1),
+            (BLOCK, 1),
+            0,
+            &[&[Ptr(self.fields.ptr)], args].concat(),
+        )
     }
 
     /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
-    pub(super) fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
+    pub(super) fn step(
+        &self,
+        resident: &dyn Resident,
+        t: usize,
+        actions: u64,
+        judge: &[Arg],
+    ) -> Result<(), DeviceError> {
         for frame in 0..self.step {
             let past = self.past.place(t * self.step + frame).map(Ptr);
             self.launch("task_act", &[&[Ptr(actions), Int(frame)][..], &past].concat())?;
@@ -143,7 +173,8 @@ impl World {
     /// steps begin at changing indices.
     pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
-        (room == 0 || (steps * self.step).is_multiple_of(room)).then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
+        (room == 0 || (steps * self.step).is_multiple_of(room))
+            .then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
     }
 
     pub(super) fn passed(&mut self, steps: usize) {
@@ -183,7 +214,12 @@ impl World {
     /// Snapshot for later steps, as of the end of the last rollout.
     pub(super) fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
-        let mut kept = Snapshot { states: self.states.clone(), frames: vec![0; self.n], begun: vec![0; self.n], ..Default::default() };
+        let mut kept = Snapshot {
+            states: self.states.clone(),
+            frames: vec![0; self.n],
+            begun: vec![0; self.n],
+            ..Default::default()
+        };
         kept.goals.resize(self.goals.len, 0.0);
         d.read(&self.frames, &mut kept.frames).map_err(failed)?;
         d.read(&self.begun, &mut kept.begun).map_err(failed)?;

@@ -73,12 +73,19 @@ impl Frames<'_> {
 }
 
 /// Computes J and its gradients with respect to the actions of a rollout.
-pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, value: &Policy, config: &PpoConfig) -> Result<Found> {
+pub(super) fn back(
+    steps: &Steps,
+    episodes: &mut Episodes,
+    policy: &Policy,
+    value: &Policy,
+    config: &PpoConfig,
+) -> Result<Found> {
     let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
     let (task, scale) = (&episodes.task, 1.0 / config.steps() as f64);
     let Simulation { batch: now, solver } = &mut episodes.simulation;
     let (batch, system) = (now.clone(), now.system.clone());
-    let mut way = Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
+    let mut way =
+        Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
     let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
     let (width, a, goals) = (policy.shape.inputs(), policy.shape.action, task.goal_dim());
     let (actor, critic) = (policy.network(), value.network());
@@ -88,9 +95,13 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
     let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
     let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
         let (gradients, torques, actions) = parts;
-        let chunks = gradients.par_chunks_mut(ROWS * wide).zip(torques.par_chunks_mut(ROWS * joints)).zip(actions.par_chunks_mut(ROWS * a));
+        let chunks = gradients
+            .par_chunks_mut(ROWS * wide)
+            .zip(torques.par_chunks_mut(ROWS * joints))
+            .zip(actions.par_chunks_mut(ROWS * a));
         chunks.zip(&mut works).enumerate().for_each(|(chunk, (((gradients, torques), actions), work))| {
-            let rows = gradients.chunks_exact_mut(wide).zip(torques.chunks_exact_mut(joints)).zip(actions.chunks_exact_mut(a));
+            let rows =
+                gradients.chunks_exact_mut(wide).zip(torques.chunks_exact_mut(joints)).zip(actions.chunks_exact_mut(a));
             for (i, ((gradient, by_torques), by_action)) in rows.enumerate() {
                 one(chunk * ROWS + i, Env { gradient, by_torques, by_action }, work);
             }
@@ -104,12 +115,17 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
     for t in (0..h).rev() {
         let (ends, last) = (&steps.ends[t * n..][..n], (t + 1) * frames - 1);
         // Environments with a bootstrap value after this step.
-        let asked: Vec<usize> = (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect();
+        let asked: Vec<usize> =
+            (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect();
         cut -= ends.iter().filter(|end| **end == TRUNCATED).count();
         let mut next_cut = cut;
         let mut rows = Vec::with_capacity(asked.len() * width);
         for env in &asked {
-            let row = if ends[*env] == TRUNCATED { &steps.cut[next_cut * width..] } else { &steps.rows[((t + 1) * n + env) * width..] };
+            let row = if ends[*env] == TRUNCATED {
+                &steps.cut[next_cut * width..]
+            } else {
+                &steps.rows[((t + 1) * n + env) * width..]
+            };
             next_cut += usize::from(ends[*env] == TRUNCATED);
             rows.extend_from_slice(&row[..width]);
         }
@@ -146,15 +162,33 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
         });
         let drawn = &steps.drawn[t * n * a..][..n * a];
         for k in (t * frames..=last).rev() {
-            let found = way.back(&trace.states[k * n * d..][..n * d], &trace.torques[k * n * joints..][..n * joints], &mut behind)?;
+            let found = way.back(
+                &trace.states[k * n * d..][..n * d],
+                &trace.torques[k * n * joints..][..n * joints],
+                &mut behind,
+            )?;
             by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
-            each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, by_torques, by_action }, work| {
-                task.act_back(seen(k, env), &numbers(&drawn[env * a..][..a]), work, by_torques, gradient, by_action);
-                by_torques.fill(0.0);
-            });
+            each(
+                (&mut behind, &mut by_torques, &mut by_action),
+                &|env, Env { gradient, by_torques, by_action }, work| {
+                    task.act_back(
+                        seen(k, env),
+                        &numbers(&drawn[env * a..][..a]),
+                        work,
+                        by_torques,
+                        gradient,
+                        by_action,
+                    );
+                    by_torques.fill(0.0);
+                },
+            );
         }
         // Beyond a bound, a gradient that would push the action further out is cut.
-        by_action.iter_mut().zip(drawn).filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0).for_each(|(g, _)| *g = 0.0);
+        by_action
+            .iter_mut()
+            .zip(drawn)
+            .filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0)
+            .for_each(|(g, _)| *g = 0.0);
         let (by_rows, _) = through(policy, &actor, &steps.rows[t * n * width..][..n * width], By::Rows, |i, _, by| {
             by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
             0.0

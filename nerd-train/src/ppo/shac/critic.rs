@@ -12,7 +12,8 @@ impl Shac {
         for order in orders(config, key) {
             for batch in order.chunks(config.minibatch) {
                 let own: Vec<usize> = batch.iter().map(|i| *i as usize).collect();
-                let rows: Vec<f64> = own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect();
+                let rows: Vec<f64> =
+                    own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect();
                 let scale = 1.0 / batch.len() as f32;
                 let (gradient, sum) = through(&self.critic, &network, &rows, By::Parameters, |i, said, by| {
                     let off = said[a] - value_targets[own[i]];

@@ -64,12 +64,15 @@ impl Shac {
             );
         }
         if episodes.simulation.batch.system.sensed() {
-            refuse!("what a policy sees late or with noise has no gradients: leave noise and lag out of [vary], or train it by PPO");
+            refuse!(
+                "what a policy sees late or with noise has no gradients: leave noise and lag out of [vary], or train it by PPO"
+            );
         }
         // A solver without gradients reports so when called.
         let Simulation { batch, solver } = &mut episodes.simulation;
         let robot = &batch.system.robot;
-        let (torques, nothing) = (vec![0.0; batch.len() * robot.joint_count()], vec![0.0; batch.len() * 2 * robot.nv()]);
+        let (torques, nothing) =
+            (vec![0.0; batch.len() * robot.joint_count()], vec![0.0; batch.len() * 2 * robot.nv()]);
         if let Err(error) = solver.vjp(batch, &torques, 1, &nothing) {
             error.faults()?;
         }
@@ -77,7 +80,8 @@ impl Shac {
         policy.flat[spread..].fill(SPREAD);
         let mut critic = Policy::new(policy.shape.clone(), &mut stream(seed, 0));
         // Zero output layer: the value starts without a gradient, since a random one would mislead the policy.
-        let (inside, outputs) = (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
+        let (inside, outputs) =
+            (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
         let (adam, target_critic) = (Adam::new(critic.flat.len(), config.learning_rate), critic.flat.clone());
         let (gradient, steps, by_actions, returns) = Default::default();
@@ -85,7 +89,13 @@ impl Shac {
     }
 
     /// Sets the learning rates of an iteration and takes the policy's Adam step; returns the gradient norm.
-    pub(super) fn policy_step(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> f32 {
+    pub(super) fn policy_step(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: StreamKey,
+    ) -> f32 {
         let gradient = std::mem::take(&mut self.gradient);
         let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
         (adam.learning_rate, self.adam.learning_rate) = (config.learning_rate * left, config.learning_rate * left);
@@ -154,7 +164,13 @@ impl Engine for Shac {
         Ok(taken)
     }
 
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: StreamKey,
+    ) -> Result<Updated> {
         let norm = self.policy_step(policy, adam, config, orders);
         policy.returns.absorb(&RunningMoments::of(&self.returns, 1));
         let critic = self.learn(policy, config, orders);

@@ -23,7 +23,9 @@ pub(super) struct Steps {
 
 impl Steps {
     /// Steps every environment through a horizon.
-    pub fn rolled(RolloutInput { episodes, running, policy, config, noise, stop }: &mut RolloutInput) -> Result<(Self, RolloutStats)> {
+    pub fn rolled(
+        RolloutInput { episodes, running, policy, config, noise, stop }: &mut RolloutInput,
+    ) -> Result<(Self, RolloutStats)> {
         let (mut kept, mut taken, mut cut) = (Self::default(), RolloutStats::default(), Vec::new());
         let actor = Actor::new((*policy).clone());
         kept.environments = episodes.len();

@@ -41,7 +41,10 @@ pub(super) fn through(
     let parts: Vec<_> = rows.par_chunks(size * width).enumerate().map(part).collect();
     let (sum, found) = (parts.iter().map(|part| part.1).sum(), parts.iter().flat_map(|part| &part.0));
     if by == By::Rows {
-        return (found.enumerate().map(|(i, g)| policy.seen.gradient(i % width, rows[i]) * f64::from(*g)).collect(), sum);
+        return (
+            found.enumerate().map(|(i, g)| policy.seen.gradient(i % width, rows[i]) * f64::from(*g)).collect(),
+            sum,
+        );
     }
     let mut flat = vec![0.0; policy.flat.len()];
     parts.iter().for_each(|(part, _)| flat.iter_mut().zip(part).for_each(|(sum, g)| *sum += f64::from(*g)));

@@ -11,7 +11,8 @@ use super::*;
 /// If the robot is not a chain, or the network is not for its number of rods.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
     let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
-    let (chain, mut solver) = (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
+    let (chain, mut solver) =
+        (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
     let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
     let mut batch = Batch::new(system, first, motions.len());
     batch.scenes.clone_from_slice(&motions.scenes);
@@ -45,13 +46,15 @@ pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: 
     let one = |memory: &mut Memory, row: &u64| {
         let (motion, frame) = (*row as usize / motions.frames, *row as usize % motions.frames);
         let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
-        let look = Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
+        let look =
+            Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
         let mut tokens = Vec::new();
         look.tokens(chain, &before, &mut tokens);
         let all: Vec<usize> = (0..chain.rods).collect();
         let numbers = network.forward(&tokens, memory, Pass::Windows(chain.rods, &all));
         let after = chain.advance(&before, &look.glided, Outputs { numbers, scale });
-        let off = |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
+        let off =
+            |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
         (off(&after.rates), off(&before.rates))
     };
     let sums: Vec<(f64, f64)> = rows.par_iter().map_init(Memory::default, one).collect();

@@ -32,7 +32,14 @@ impl Loss {
     }
 
     /// Loss of frame k (from 1) for `(predicted, truth)`, times `weight`; adds its gradient to `gradient`.
-    pub fn of(&self, chain: &Chain, (predicted, truth): (&Rods, &Rods), k: usize, weight: f64, gradient: &mut Rods) -> f64 {
+    pub fn of(
+        &self,
+        chain: &Chain,
+        (predicted, truth): (&Rods, &Rods),
+        k: usize,
+        weight: f64,
+        gradient: &mut Rods,
+    ) -> f64 {
         let (q, dt) = (2.0 * self.share * (k as f64).sqrt(), chain.frame_time);
         let ([x, v], [true_x, true_v]) = (chain.nodes(predicted), chain.nodes(truth));
         let mut by_nodes = [vec![Vector3::zeros(); chain.rods], vec![Vector3::zeros(); chain.rods]];
@@ -42,8 +49,14 @@ impl Loss {
         total += vectors(&x, &true_x, self.velocity * dt * q, 2.0 * weight, &mut by_nodes[0]);
         total += vectors(&v, &true_v, self.velocity * q, weight, &mut by_nodes[1]);
         chain.nodes_back(&by_nodes, gradient);
-        let led = predicted.gripper.numbers().zip(truth.gripper.numbers()).zip(self.gripper).zip(gradient.gripper.numbers_mut());
-        total + led.map(|(((a, b), unit), gradient)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, gradient)).sum::<f64>()
+        let led = predicted
+            .gripper
+            .numbers()
+            .zip(truth.gripper.numbers())
+            .zip(self.gripper)
+            .zip(gradient.gripper.numbers_mut());
+        total
+            + led.map(|(((a, b), unit), gradient)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, gradient)).sum::<f64>()
     }
 }
 

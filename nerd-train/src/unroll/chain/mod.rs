@@ -54,7 +54,13 @@ impl Body for Cable {
         view.rods(&self.chain, &self.chain.rods(motions.state(*motion, *frame)))
     }
 
-    fn look(&self, rods: &Rods, (motions, place): (&Motions, &Place<View>), (): &mut (), tokens: &mut Vec<f32>) -> Look {
+    fn look(
+        &self,
+        rods: &Rods,
+        (motions, place): (&Motions, &Place<View>),
+        (): &mut (),
+        tokens: &mut Vec<f32>,
+    ) -> Look {
         let Place { motion, frame, view } = place;
         let (torques, scene) = (view.torques(&self.chain, motions.torques(*motion, *frame)), &motions.scenes[*motion]);
         let look = Look::at(&self.chain, rods, &torques, |at| view.contact(&self.chain, scene, at));
@@ -75,7 +81,9 @@ impl Body for Cable {
     }
 
     fn join(&self, own: &mut Rods, upstream: &Rods, later: usize) {
-        let norm = |rods: &Rods| (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt();
+        let norm = |rods: &Rods| {
+            (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt()
+        };
         let share = join(norm(own), norm(upstream), later);
         own.gripper.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, y)| *x += share * y);
         let pairs = own.along.iter_mut().chain(&mut own.rates).zip(upstream.along.iter().chain(&upstream.rates));
@@ -86,7 +94,15 @@ impl Body for Cable {
         self.chain.advance_back(before, Outputs { numbers, scale: &self.scale }, upstream, gradient)
     }
 
-    fn look_back(&self, before: &Rods, look: &Look, by_tokens: &[f32], upstream: &Rods, gradient: &mut Rods, (): &mut ()) {
+    fn look_back(
+        &self,
+        before: &Rods,
+        look: &Look,
+        by_tokens: &[f32],
+        upstream: &Rods,
+        gradient: &mut Rods,
+        (): &mut (),
+    ) {
         // The gripper's glide passes a gradient, too.
         let mut glided: Gripper = look.tokens_back(&self.chain, before, by_tokens, gradient);
         glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, g)| *x += g);
@@ -114,7 +130,9 @@ impl Cable {
     pub fn program(&self, system: &Arc<System>, colliders: usize) -> String {
         let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
         let loss = &self.loss;
-        for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {
+        for (name, x) in
+            [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)]
+        {
             text += &format!("#define {name} {x:e}\n");
         }
         let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();

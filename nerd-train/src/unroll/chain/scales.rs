@@ -14,8 +14,10 @@ pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     let total = motions.len() * motions.frames;
     let step = total.div_ceil(FRAMES).max(1);
     let frames: Vec<usize> = (0..total).step_by(step).collect();
-    let sizes: Vec<[f64; 15]> = frames.par_iter().map(|row| sizes(chain, motions, row / motions.frames, row % motions.frames)).collect();
-    let mean: [f64; 15] = std::array::from_fn(|k| (sizes.iter().map(|s| s[k]).sum::<f64>() / sizes.len().max(1) as f64).max(LEAST));
+    let sizes: Vec<[f64; 15]> =
+        frames.par_iter().map(|row| sizes(chain, motions, row / motions.frames, row % motions.frames)).collect();
+    let mean: [f64; 15] =
+        std::array::from_fn(|k| (sizes.iter().map(|s| s[k]).sum::<f64>() / sizes.len().max(1) as f64).max(LEAST));
     let scale = |k: usize| match k {
         0..3 => 2.0 * mean[0],
         3..6 => 2.0 * mean[1],

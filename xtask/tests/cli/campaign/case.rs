@@ -23,7 +23,8 @@ pub enum Kind {
 const LINES: &str = include_str!("assets/lines.txt");
 
 /// Robots of cases; small robots come more often, since their cases run faster.
-const ROBOTS: &str = "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
+const ROBOTS: &str =
+    "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
 
 /// A robot of one mesh, and that mesh in each format that is read.
 const BRICK: &str = include_str!("assets/brick.urdf");
@@ -67,7 +68,8 @@ impl Kind {
         let (dice, words) = (&mut Dice::seed_from_u64(seed), &self.words());
         dice.set_stream(number);
         let (lines, robots): (Vec<_>, Vec<_>) = (self.lines(), ROBOTS.split(' ').collect());
-        let mut case = Case { files: good.clone(), line: lines[dice.random_range(0..lines.len())].into(), before: Vec::new() };
+        let mut case =
+            Case { files: good.clone(), line: lines[dice.random_range(0..lines.len())].into(), before: Vec::new() };
         match self {
             Self::Urdf | Self::Toml => {
                 let robot = robots[dice.random_range(0..robots.len())];
@@ -86,15 +88,18 @@ impl Kind {
             Self::Model => {
                 let (folder, names) = match case.value("--policy") {
                     Some(folder) => (folder.to_string(), ["config.json", "policy.safetensors", "policy.safetensors"]),
-                    None => {
-                        (case.value("--model").unwrap_or_default().to_string(), ["config.json", "normalizer.json", "model.safetensors"])
-                    }
+                    None => (
+                        case.value("--model").unwrap_or_default().to_string(),
+                        ["config.json", "normalizer.json", "model.safetensors"],
+                    ),
                 };
                 let name = format!("{folder}/{}", names[[0, 0, 1, 2, 2][dice.random_range(0..5)]]);
                 case.before = case.value("--model").map(|folder| format!("stamp {folder}")).into_iter().collect();
                 match dice.random_range(0..32) {
                     0 => drop(case.files.remove(&name)),
-                    _ if name.ends_with("json") => drop(case.files.entry(name).and_modify(|text| words.change(dice, text))),
+                    _ if name.ends_with("json") => {
+                        drop(case.files.entry(name).and_modify(|text| words.change(dice, text)))
+                    }
                     _ => drop(case.files.entry(name).and_modify(|bytes| tensors(dice, bytes))),
                 }
             }
@@ -132,7 +137,9 @@ fn tensors(dice: &mut Dice, file: &mut Vec<u8>) {
     let at = data + dice.random_range(0..(file.len() - data) / 4) * 4;
     let (other, scaled): (u32, bool) = (dice.random(), dice.random());
     match file[at..].first_chunk_mut().filter(|_| dice.random()) {
-        Some(bytes) if scaled => *bytes = (f32::from_le_bytes(*bytes) * 10f32.powf(dice.random_range(-6.0..6.0))).to_le_bytes(),
+        Some(bytes) if scaled => {
+            *bytes = (f32::from_le_bytes(*bytes) * 10f32.powf(dice.random_range(-6.0..6.0))).to_le_bytes()
+        }
         Some(bytes) => *bytes = other.to_le_bytes(),
         None => byte(dice, file),
     }

@@ -35,7 +35,8 @@ pub fn entries() -> BTreeMap<Kind, BTreeMap<String, Entry>> {
 
 impl Entry {
     fn case(&self, kind: Kind, good: &Files) -> Case {
-        let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", "", "f/brick.gltf"][kind as usize];
+        let first = ["f/robot.urdf", "f/robot.toml", "f/pendulum.csv", "f/paper/config.json", "", "f/brick.gltf"]
+            [kind as usize];
         let (name, mut files) = (self.file.as_deref().unwrap_or(first), good.clone());
         if kind == Kind::Urdf {
             files.remove("f/robot.toml");
@@ -52,7 +53,9 @@ impl Entry {
         }
         let mut before: Vec<String> = match (&self.line, kind) {
             (Some(lines), _) => lines.lines().map(|line| line.replace("TRAIN", TRAIN)).collect(),
-            (None, Kind::Csv) => vec!["rollout --robot pendulum --scene plane --states f/pendulum.csv --out out/r.csv".into()],
+            (None, Kind::Csv) => {
+                vec!["rollout --robot pendulum --scene plane --states f/pendulum.csv --out out/r.csv".into()]
+            }
             (None, Kind::Model) => vec!["stamp f/paper".into(), kind.lines()[1].into()],
             (None, kind) => vec![kind.lines()[0].replace("ROBOT", "robot")],
         };

@@ -111,7 +111,13 @@ pub fn build(folder: &Path) {
     ] {
         let made = tempfile::tempdir().expect("a temporary folder");
         let mut command = Command::new(program());
-        let out = command.args(line.split(' ')).arg("--out").arg(made.path()).env("NERD_COMMIT", "campaign").output().expect("started");
+        let out = command
+            .args(line.split(' '))
+            .arg("--out")
+            .arg(made.path())
+            .env("NERD_COMMIT", "campaign")
+            .output()
+            .expect("started");
         assert!(out.status.success(), "`{line}` failed: {}", String::from_utf8_lossy(&out.stderr));
         write(&folder.join(to), &read(&made.path().join(from)));
     }

@@ -33,10 +33,13 @@ pub struct Case {
 impl Case {
     /// The files that its lines name: by their folder, or by their name without its ending.
     fn named(&self) -> Files {
-        let words: Vec<&str> = self.before.iter().chain([&self.line]).flat_map(|line| line.split_whitespace()).collect();
+        let words: Vec<&str> =
+            self.before.iter().chain([&self.line]).flat_map(|line| line.split_whitespace()).collect();
         let stem = |name: &str| name.rsplit_once('.').map_or(name.to_string(), |(stem, _)| stem.to_string());
         let named = |name: &str| {
-            words.iter().any(|word| name.strip_prefix(word).is_some_and(|rest| rest.starts_with('/')) || stem(word) == stem(name))
+            words.iter().any(|word| {
+                name.strip_prefix(word).is_some_and(|rest| rest.starts_with('/')) || stem(word) == stem(name)
+            })
         };
         self.files.iter().filter(|(name, _)| named(name)).map(|(name, bytes)| (name.clone(), bytes.clone())).collect()
     }
@@ -76,7 +79,9 @@ pub fn judge(case: &Case) -> Outcome {
             Ok(()) => Outcome::Accepted,
             Err(words) => Outcome::Fault("a file that is not whole", words),
         },
-        Some(Some(FAILED | REFUSED)) if words.is_empty() || words.len() > WORDS => fault("a refusal without words, or with too many"),
+        Some(Some(FAILED | REFUSED)) if words.is_empty() || words.len() > WORDS => {
+            fault("a refusal without words, or with too many")
+        }
         Some(Some(FAILED | REFUSED)) if !left.is_empty() || case.before.is_empty() && here.join("out").exists() => {
             fault("a refusal left files")
         }
@@ -91,10 +96,18 @@ fn call(folder: &Path, line: &str) -> (Option<ExitStatus>, String) {
     let words = line.split_whitespace().map(|word| if word == "''" { "" } else { word });
     let (mut errors, mut said) = (tempfile::tempfile().expect("a file"), Vec::new());
     let mut command = Command::new("sh");
-    command.args(["-c", &format!("ulimit -v {MEMORY}; exec \"$@\""), "sh"]).arg(program()).args(words).current_dir(folder);
+    command
+        .args(["-c", &format!("ulimit -v {MEMORY}; exec \"$@\""), "sh"])
+        .arg(program())
+        .args(words)
+        .current_dir(folder);
     command.envs([("NERD_COMMIT", "campaign"), ("RAYON_NUM_THREADS", "1")]);
-    let mut child =
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors.try_clone().expect("a file")).spawn().expect("started");
+    let mut child = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(errors.try_clone().expect("a file"))
+        .spawn()
+        .expect("started");
     let started = Instant::now();
     let mut ended = child.try_wait().expect("a state");
     while ended.is_none() && started.elapsed() < TIME {
@@ -122,7 +135,8 @@ fn prepare(here: &Path, line: &str) {
             let (system, folder) = (System::named("pendulum").expect("built in"), here.join(folder));
             if let Ok(mut model) = Model::read(&folder, &system, None) {
                 (model.config.robot_sha256, model.config.model_sha256) = (system.robot_sha256(), model.sha256());
-                std::fs::write(folder.join("config.json"), serde_json::to_string(&model.config).expect("JSON")).expect("written");
+                std::fs::write(folder.join("config.json"), serde_json::to_string(&model.config).expect("JSON"))
+                    .expect("written");
             }
         }
         _ => {

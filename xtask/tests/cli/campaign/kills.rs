@@ -21,7 +21,10 @@ fn killed_runs_leave_whole_files_and_go_on() {
     );
     let policy = "policy train cartpole-swingup --envs 16 --horizon 16 --iterations 30 --minibatch 64 --out run";
     same_after_kills(policy, &["policy/policy.safetensors"]);
-    same_after_kills("rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv", &["r.csv"]);
+    same_after_kills(
+        "rollout --robot pendulum --scene ground1 --states states.csv --frames 20000 --out run/r.csv",
+        &["r.csv"],
+    );
 }
 
 /// A command, and the beginnings of names of files that must come out the same.
@@ -40,7 +43,10 @@ fn same_after_kills(line: &str, same: &[&str]) {
         }
     }
     // Runs ended by SIGTERM left a checkpoint, and later runs continued from there.
-    assert!(!line.starts_with("policy") || run.join("last.safetensors").exists(), "{line}: no checkpoint after {KILLS} ends");
+    assert!(
+        !line.starts_with("policy") || run.join("last.safetensors").exists(),
+        "{line}: no checkpoint after {KILLS} ends"
+    );
     let found = finish(line, same, folder.path());
     let other = found.keys().chain(expected.keys()).find(|name| found.get(*name) != expected.get(*name));
     assert_eq!(other, None, "{line}: a file has other bytes, or is there in one run alone");
@@ -78,7 +84,10 @@ fn stab(mut child: Child, run: &Path, moment: Duration, way: Way) -> bool {
             if way == Way::Asked && cfg!(unix) {
                 let asked = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().expect("kill runs");
                 let code = child.wait().expect("ended").code();
-                assert!(!asked.success() || code == Some(0) || code == Some(143), "asked to end it ended with {code:?}");
+                assert!(
+                    !asked.success() || code == Some(0) || code == Some(143),
+                    "asked to end it ended with {code:?}"
+                );
                 return code != Some(0);
             }
             child.kill().expect("killed");

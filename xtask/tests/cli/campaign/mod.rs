@@ -36,8 +36,11 @@ static GOOD: LazyLock<Files> = LazyLock::new(|| {
 #[test]
 fn every_case_of_the_corpus_ends_as_it_should() {
     let entries = corpus::entries();
-    let entries: Vec<_> = entries.iter().flat_map(|(kind, entries)| entries.iter().map(move |entry| (*kind, entry))).collect();
-    let wrong = |(kind, (name, entry)): &(Kind, (&String, &Entry))| Some(format!("{} {name}: {}", kind.name(), entry.wrong(*kind, &GOOD)?));
+    let entries: Vec<_> =
+        entries.iter().flat_map(|(kind, entries)| entries.iter().map(move |entry| (*kind, entry))).collect();
+    let wrong = |(kind, (name, entry)): &(Kind, (&String, &Entry))| {
+        Some(format!("{} {name}: {}", kind.name(), entry.wrong(*kind, &GOOD)?))
+    };
     let wrong: Vec<String> = entries.par_iter().filter_map(wrong).collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
@@ -58,7 +61,10 @@ fn changed_files_and_command_lines_are_refused_or_used() {
                     .iter()
                     .find(|(name, bytes)| GOOD.get(*name) != Some(bytes))
                     .map(|(name, bytes)| (name, String::from_utf8_lossy(bytes)));
-                return faults.lock().expect("sound").push(format!("case {number}: {what}: {words}; `{}`, {changed:?}", case.line));
+                return faults
+                    .lock()
+                    .expect("sound")
+                    .push(format!("case {number}: {what}: {words}; `{}`, {changed:?}", case.line));
             }
         };
         counts.lock().expect("sound").entry(kind.name()).or_default()[column] += 1;

@@ -45,25 +45,60 @@ pub(super) struct Rolled<'a> {
 }
 
 impl BackwardPass {
-    pub(super) fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> Result<Self, DeviceError> {
+    pub(super) fn new(
+        engine: &CudaEngine,
+        world: &World,
+        robot: &Robot,
+        config: &PpoConfig,
+    ) -> Result<Self, DeviceError> {
         let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
         let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
         let steps = n * kept.horizon;
         let reals = |len: usize| d.zeros::<f64>(len);
-        let (shares, asked, slope, pushed) = (reals(steps)?, d.zeros::<i32>(steps)?, reals(n * wide)?, reals(n * joints)?);
+        let (shares, asked, slope, pushed) =
+            (reals(steps)?, d.zeros::<i32>(steps)?, reals(n * wide)?, reals(n * joints)?);
         let (by_torques, by_action, by_spread) = (reals(n * joints)?, reals(n * a)?, d.zeros::<f32>(steps * a)?);
-        let (by_seen, by_rows, without) = (d.zeros::<f32>(n * width)?, d.zeros::<f32>((1 + kept.slots) * n * width)?, d.zeros::<u32>(n)?);
+        let (by_seen, by_rows, without) =
+            (d.zeros::<f32>(n * width)?, d.zeros::<f32>((1 + kept.slots) * n * width)?, d.zeros::<u32>(n)?);
         let (trail, [goals, reached]) = world.trail();
         let Steps { actions, means, .. } = &engine.steps;
-        let known = [trail.states, goals, trail.torques, reached, kept.observations.ptr, kept.rows.ptr, kept.seen[0].ptr, kept.seen[1].ptr];
+        let known = [
+            trail.states,
+            goals,
+            trail.torques,
+            reached,
+            kept.observations.ptr,
+            kept.rows.ptr,
+            kept.seen[0].ptr,
+            kept.seen[1].ptr,
+        ];
         let of_steps = [shares.ptr, kept.ends.ptr, asked.ptr, actions.ptr, means.ptr, by_seen.ptr, by_rows.ptr];
-        let found = [slope.ptr, by_torques.ptr, pushed.ptr, by_action.ptr, without.ptr, engine.net.targets.ptr, by_spread.ptr];
-        let (scale, outputs, horizon) = (1.0 / config.steps() as f64, engine.shape.outputs() as i32, kept.horizon as i32);
-        let at = [&known[..], &of_steps, &found].concat().try_into().map_err(|_| DeviceError("fields of the way back".into()))?;
+        let found =
+            [slope.ptr, by_torques.ptr, pushed.ptr, by_action.ptr, without.ptr, engine.net.targets.ptr, by_spread.ptr];
+        let (scale, outputs, horizon) =
+            (1.0 / config.steps() as f64, engine.shape.outputs() as i32, kept.horizon as i32);
+        let at = [&known[..], &of_steps, &found]
+            .concat()
+            .try_into()
+            .map_err(|_| DeviceError("fields of the way back".into()))?;
         let fields = d.upload(&[Fields { at, scale, outputs, horizon }])?;
         let earned = reals(n)?;
         let (_kept, replays) = ([by_torques, by_action], Default::default());
-        Ok(Self { fields, shares, asked, by_seen, by_rows, slope, pushed, _kept, by_spread, earned, without, scale, replays })
+        Ok(Self {
+            fields,
+            shares,
+            asked,
+            by_seen,
+            by_rows,
+            slope,
+            pushed,
+            _kept,
+            by_spread,
+            earned,
+            without,
+            scale,
+            replays,
+        })
     }
 
     /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
@@ -88,8 +123,12 @@ impl BackwardPass {
 
     fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> Result<(), DeviceError> {
         let (net, kept) = (&engine.net, &engine.kept);
-        let (n, a, steps, rows) =
-            (kept.environments, engine.shape.action, kept.environments * kept.horizon, (1 + kept.slots) * kept.environments);
+        let (n, a, steps, rows) = (
+            kept.environments,
+            engine.shape.action,
+            kept.environments * kept.horizon,
+            (1 + kept.slots) * kept.environments,
+        );
         engine.reached(target_critic)?;
         let read = [&kept.rewards.ptr, &kept.ends.ptr, &kept.values.ptr, &kept.units.ptr].map(|at| Ptr(*at));
         let written = [self.shares.ptr, self.asked.ptr, net.targets.ptr, self.earned.ptr, self.without.ptr].map(Ptr);
@@ -109,7 +148,10 @@ impl BackwardPass {
         for t in (0..horizon).rev() {
             world.back("task_arrive_back", 1, steps, &[Int(t)])?;
             for frame in (t * frames..(t + 1) * frames).rev() {
-                resident.back(trail, Back { frame, rows: 1, grad_next: slope, by_states: slope, by_torques, next: [0; 2] })?;
+                resident.back(
+                    trail,
+                    Back { frame, rows: 1, grad_next: slope, by_states: slope, by_torques, next: [0; 2] },
+                )?;
                 world.back("task_acted_back", 1, steps, &[Int(frame)])?;
             }
             if t > 0 {

@@ -35,7 +35,8 @@ impl CudaShac {
         let mut engine = CudaEngine::new(&policy.shape, config)?;
         engine.beta = BETA;
         let zeros = || engine.net.device.zeros(shac.critic.flat.len());
-        let critic = Critic { weights: zeros()?, moments: [zeros()?, zeros()?], target_critic: zeros()?, loaded: false };
+        let critic =
+            Critic { weights: zeros()?, moments: [zeros()?, zeros()?], target_critic: zeros()?, loaded: false };
         Ok(Self { shac, engine, critic, way: None, resident: false, spent: Vec::new() })
     }
 
@@ -53,7 +54,8 @@ impl CudaShac {
             Some(way) => way,
             None => BackwardPass::new(&self.engine, world, &batch.system.robot, config)?,
         };
-        let rolled = Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
+        let rolled =
+            Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
         for (name, go) in [
             ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> Result<(), DeviceError>),
             ("recall", BackwardPass::recall),
@@ -68,7 +70,8 @@ impl CudaShac {
         self.shac.gradient.resize(policy.flat.len(), 0.0);
         d.read(&self.engine.gradient, &mut self.shac.gradient)?;
         self.shac.earned = d.download(&way.earned)?.iter().sum();
-        let without: Vec<usize> = d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect();
+        let without: Vec<usize> =
+            d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect();
         if !without.is_empty() {
             way.begin_again(rolled)?;
             d.read(&self.engine.kept.rows, &mut running.stack.rows)?;
@@ -83,8 +86,12 @@ impl CudaShac {
     fn load(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.critic.loaded, true) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &self.shac);
-            let there = [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
-            there.into_iter().zip([&critic.flat, target_critic, &adam.m, &adam.v]).try_for_each(|(to, from)| d.write(to, from))?;
+            let there =
+                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
+            there
+                .into_iter()
+                .zip([&critic.flat, target_critic, &adam.m, &adam.v])
+                .try_for_each(|(to, from)| d.write(to, from))?;
         }
         Ok(())
     }
@@ -102,7 +109,11 @@ impl CudaShac {
         let learned = engine.passes(&mut shac.adam, &config, orders.into_iter());
         swap(engine);
         let n = critic.weights.len;
-        engine.over("shac_follow", n, &[Ptr(critic.target_critic.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)])?;
+        engine.over(
+            "shac_follow",
+            n,
+            &[Ptr(critic.target_critic.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)],
+        )?;
         Ok(learned?.terms.critic)
     }
 
@@ -136,7 +147,13 @@ impl Engine for CudaShac {
         taken
     }
 
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
+    fn update(
+        &mut self,
+        policy: &mut Policy,
+        adam: &mut Adam,
+        config: &PpoConfig,
+        orders: StreamKey,
+    ) -> Result<Updated> {
         if !self.resident {
             return self.shac.update(policy, adam, config, orders);
         }
@@ -163,7 +180,8 @@ impl Engine for CudaShac {
         if std::mem::take(&mut self.critic.loaded) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
             let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
-            let there = [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
+            let there =
+                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
             there.into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
         }
         self.shac.learned()
