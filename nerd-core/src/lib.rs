@@ -19,8 +19,8 @@ pub mod prelude {
     pub use crate::robot::{
         Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot,
     };
-    pub use crate::spatial::{BodyInertia, Motion, PointMass, SpatialInertia, Wrench};
-    pub use crate::state::{quaternion, raw_quaternion, rotation_from, vector, wrap, write_quaternion};
+    pub use crate::spatial::{BodyInertia, Motion, PointMass, SpatialInertia, Wrench, rotation_from};
+    pub use crate::state::{quaternion, raw_quaternion, vector, wrap, write_quaternion};
     pub use crate::velocity::{LocalVelocity, SpatialTwist};
     pub use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 }

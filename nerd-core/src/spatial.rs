@@ -5,9 +5,10 @@
 //! share one frame (world axes, origin at the root, see [`crate::dynamics`]), so no transforms between links are
 //! needed. Source: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, without Pluecker transforms.
 
+use std::f64::consts::PI;
 use std::ops::{Add, AddAssign, Mul, Sub};
 
-use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
+use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, UnitVector3, Vector3, Vector6};
 
 /// A twist or a spatial acceleration: angular part (rad/s), linear part at the origin (m/s).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -230,4 +231,10 @@ impl AddAssign for SpatialInertia {
         self.moment += o.moment;
         self.inertia += o.inertia;
     }
+}
+
+/// The shortest rotation of the axis `from` (x or z) onto a direction; onto the opposite one half a turn about z or x.
+pub fn rotation_from(from: &UnitVector3<f64>, to: &Vector3<f64>) -> UnitQuaternion<f64> {
+    let about = if from.x == 0.0 { Vector3::x_axis() } else { Vector3::z_axis() };
+    UnitQuaternion::rotation_between(from, to).unwrap_or_else(|| UnitQuaternion::from_axis_angle(&about, PI))
 }

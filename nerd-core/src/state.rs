@@ -3,7 +3,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Quaternion, UnitQuaternion, UnitVector3, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::robot::Robot;
 
@@ -22,12 +22,6 @@ pub fn wrap(x: f64) -> f64 {
     } else {
         y
     }
-}
-
-/// The shortest rotation of the axis `from` (x or z) onto a direction; onto the opposite one half a turn about z or x.
-pub fn rotation_from(from: &UnitVector3<f64>, to: &Vector3<f64>) -> UnitQuaternion<f64> {
-    let about = if from.x == 0.0 { Vector3::x_axis() } else { Vector3::z_axis() };
-    UnitQuaternion::rotation_between(from, to).unwrap_or_else(|| UnitQuaternion::from_axis_angle(&about, PI))
 }
 
 /// Wraps the angles of all hinges without limits in one state in place, see [`crate::robot::Joint::wraps`].

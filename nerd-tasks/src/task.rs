@@ -1,11 +1,10 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use nerd_sim::{prelude::*, range::within, sampling::hurry};
+use nerd_sim::{prelude::*, range::within};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::Compiled;
-use crate::formula::{Sight, Traced};
+use crate::formula::{Sight, Tape, Traced};
 
 /// Limits: widths of observation and action, steps per episode, and frames per step (at 0.1 s each, a minute and a
 /// half).
@@ -13,8 +12,6 @@ const MOST_SEEN: f64 = 65_536.0;
 const MOST_ACTIONS: f64 = 4096.0;
 const MOST_STEPS: f64 = 1e6;
 const MOST_FRAMES: f64 = 1000.0;
-/// Most halvings of a fast start's velocity.
-const HALVINGS: usize = 12;
 
 /// A task's view of one environment.
 #[derive(Clone, Copy)]
@@ -245,6 +242,11 @@ pub trait Plain: Send + Sync {
 }
 
 impl dyn Task + '_ {
+    /// What its formulas see of a robot, recorded on `tape`.
+    pub fn sight<'a>(&self, tape: &'a Tape, system: &'a System) -> Sight<'a> {
+        Sight::new(tape, system, self.goal_dim(), self.plain().map_or(0, Plain::numbers_dim))
+    }
+
     /// Width of an episode's goal.
     pub fn goal_dim(&self) -> usize {
         self.goal().len() + self.plain().map_or(0, Plain::goal_dim) + self.memory()
@@ -287,21 +289,4 @@ impl dyn Task + '_ {
             None => start(system, Start::Reset, rng),
         }
     }
-}
-
-/// A start state with velocities that only a good policy reaches ([`hurry`]), as training data for a model. Velocities
-/// are halved until the task does not terminate at once. Termination must not depend on the goal, which is zero here.
-pub fn fast_start(task: &Compiled, rng: &mut ChaCha8Rng) -> Vec<f64> {
-    let system = task.recorded_for();
-    let mut state = task.reset(system, rng);
-    hurry(system, &mut state, rng);
-    let Ok(scene) = system.scene(task.scene()) else { return state };
-    let (goal, mut work) = (vec![0.0; task.goal_dim()], Work::new(system));
-    for _ in 0..HALVINGS {
-        if !task.terminated(View { state: &state, goal: &goal, scene: &scene }, &mut work) {
-            break;
-        }
-        state[system.robot.nq()..].iter_mut().for_each(|rate| *rate *= 0.5);
-    }
-    state
 }

@@ -4,7 +4,6 @@ use nerd_sim::prelude::*;
 
 use super::Number;
 use super::tape::{Leaf, Tape, Traced};
-use crate::Task;
 
 /// One environment, as numbers on a tape. Every access is recorded; its value is known when the tape is evaluated.
 pub struct Sight<'a> {
@@ -15,9 +14,9 @@ pub struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
-    /// What a task sees of a robot, recorded on `tape`.
-    pub fn new(tape: &'a Tape, system: &'a System, task: &dyn Task) -> Self {
-        Self { tape, system, goals: task.goal_dim(), plain: task.plain().map_or(0, |plain| plain.numbers_dim()) }
+    /// A robot's environment, recorded on `tape`; `goals` and `plain` count the task's numbers of either kind.
+    pub(crate) fn new(tape: &'a Tape, system: &'a System, goals: usize, plain: usize) -> Self {
+        Self { tape, system, goals, plain }
     }
 
     /// The action, clamped to [-1, 1].
@@ -42,7 +41,7 @@ impl<'a> Sight<'a> {
         self.tape.leaf(Leaf::State(self.system.robot.nq() + k))
     }
 
-    /// Number k of the episode's goal: drawn from [`Task::goal`], of [`crate::Plain`], then of [`Task::memory`].
+    /// Number k of the episode's goal: drawn from [`crate::Task::goal`], of [`crate::Plain`], then of [`crate::Task::memory`].
     pub fn goal(&self, k: usize) -> Traced<'a> {
         self.tape.among("numbers of the goal", k, self.goals);
         self.tape.leaf(Leaf::Goal(k))

@@ -5,7 +5,7 @@ use super::Number;
 use super::tape::{Given, Leaf, Node};
 
 /// Values and gradient accumulators of an adjoint sweep.
-pub(super) trait Ends<N> {
+pub(crate) trait Ends<N> {
     /// Value of a node.
     fn value(&self, node: usize) -> N;
     /// Receives the gradient with respect to a leaf.
@@ -16,7 +16,7 @@ pub(super) trait Ends<N> {
 
 /// Propagates gradients `seeds` with respect to results back to the leaves of `nodes`. `lists` are the actions of
 /// controller calls.
-pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(Given, N)], ends: &mut impl Ends<N>) {
+pub(crate) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(Given, N)], ends: &mut impl Ends<N>) {
     let mut by: Vec<Option<N>> = vec![None; nodes.len()];
     let add = |by: &mut Vec<Option<N>>, at: Given, g: N| {
         if let Given::Node(k) = at {

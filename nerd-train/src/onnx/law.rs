@@ -8,7 +8,7 @@ use crate::prelude::*;
 /// Identifies a task's law and its actions: torques proportional to single actions, or the robot's controller.
 pub(super) fn actions(task: &dyn Task, system: &System) -> (Law, Vec<Action>) {
     let (tape, n, joints) = (Tape::default(), task.action_dim(), system.robot.joint_count());
-    let sight = Sight::new(&tape, system, task);
+    let sight = task.sight(&tape, system);
     let action = sight.action(n);
     let (mut torques, mut own) = (vec![Traced::from(0.0); joints], vec![Traced::from(0.0); joints]);
     task.act(&sight, &action, &mut torques);

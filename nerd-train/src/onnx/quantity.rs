@@ -83,7 +83,7 @@ fn root<'a>(sight: &Sight<'a>, all: &mut Vec<Quantity<'a>>) {
 /// Identifies the entries of a task's observation.
 pub(super) fn observation(task: &dyn Task, system: &System) -> Vec<Seen> {
     let tape = Tape::default();
-    let sight = Sight::new(&tape, system, task);
+    let sight = task.sight(&tape, system);
     let mut row = vec![Traced::from(f64::NAN); task.observation_dim()];
     task.observe(&sight, &mut row);
     let all = quantities(task, &sight);

@@ -3,9 +3,8 @@
 use nerd_core::tangent::{numbers_back, push, wrenches_back};
 use nerd_sim::prelude::*;
 
-use super::program::{Inputs, Program, value};
-use super::sweep::{Ends, sweep};
-use super::tape::{Given, Leaf};
+use super::evaluate::{Inputs, value};
+use crate::formula::{Ends, Given, Leaf, Program, sweep};
 use crate::{Task, View, Work};
 
 /// Accumulators for gradients.

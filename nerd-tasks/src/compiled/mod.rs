@@ -1,26 +1,34 @@
-//! A task whose formulas are recorded for one robot.
+//! A task whose formulas are recorded for one robot, evaluated on the CPU (`evaluate.rs`), differentiated
+//! (`gradients.rs`) and written as GPU kernels (`text.rs`). `examples/backwards.rs` is such a task.
+
+mod evaluate;
+mod gradients;
+mod text;
 
 use std::ops::Deref;
 
-use nerd_sim::articulated::device::Reach;
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::hurry;
+use rand_chacha::ChaCha8Rng;
 
-use super::program::{Inputs, Program};
-use super::tape::{Given, Leaf, Tape, Traced};
-use super::{Number, Sight, text};
+use self::evaluate::Inputs;
+use crate::formula::{Given, Leaf, Number, Program, Sight, Tape, Traced};
 use crate::{Task, View, Work};
+
+/// Most halvings of a fast start's velocity.
+const HALVINGS: usize = 12;
 
 /// A task whose formulas are recorded for one robot: evaluated on the CPU, differentiated, and written as GPU kernels.
 pub struct Compiled {
     task: Arc<dyn Task>,
     system: Arc<System>,
-    pub(super) observe: Program,
-    pub(super) act: Program,
+    observe: Program,
+    act: Program,
     /// The reward, followed by its terms.
-    pub(super) reward: Program,
-    pub(super) terminated: Program,
+    reward: Program,
+    terminated: Program,
     /// No result for a task without a success criterion.
-    pub(super) error: Program,
+    error: Program,
     /// The first formula that asks for what does not exist; its results are NaN.
     wrong: Option<String>,
 }
@@ -149,19 +157,6 @@ impl Compiled {
     ) {
         self.reward.back(&*self.task, (view, Inputs { action: &[], torques }), work, &[by], (gradient, by_torques));
     }
-
-    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also
-    /// compiles as plain C++.
-    ///
-    /// # Errors
-    /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.
-    pub fn kernels(&self, reach: Reach, gradients: bool) -> Result<String, String> {
-        if self.plain().is_some() {
-            return Err(format!("task `{}` has plain code (nerd_tasks::Plain), so it stays on the CPU", self.name()));
-        }
-        self.wrong.clone().map_or(Ok(()), Err)?;
-        text::episodes(self, reach, gradients)
-    }
 }
 
 fn recorded(
@@ -171,7 +166,7 @@ fn recorded(
     say: impl for<'a> Fn(&Sight<'a>) -> Vec<Traced<'a>>,
 ) -> Program {
     let tape = Tape::default();
-    let said = say(&Sight::new(&tape, system, task));
+    let said = say(&task.sight(&tape, system));
     match tape.wrong.take() {
         Some(why) => {
             wrong.get_or_insert(format!("task `{}`, `{name}`: {why}", task.name()));
@@ -179,4 +174,21 @@ fn recorded(
         }
         None => Program::of(&tape, &said),
     }
+}
+
+/// A start state with velocities that only a good policy reaches ([`hurry`]), as training data for a model. Velocities
+/// are halved until the task does not terminate at once. Termination must not depend on the goal, which is zero here.
+pub fn fast_start(task: &Compiled, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let system = task.recorded_for();
+    let mut state = task.reset(system, rng);
+    hurry(system, &mut state, rng);
+    let Ok(scene) = system.scene(task.scene()) else { return state };
+    let (goal, mut work) = (vec![0.0; task.goal_dim()], Work::new(system));
+    for _ in 0..HALVINGS {
+        if !task.terminated(View { state: &state, goal: &goal, scene: &scene }, &mut work) {
+            break;
+        }
+        state[system.robot.nq()..].iter_mut().for_each(|rate| *rate *= 0.5);
+    }
+    state
 }

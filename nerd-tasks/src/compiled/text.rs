@@ -4,10 +4,8 @@ use std::fmt::Write;
 
 use nerd_sim::articulated::device::{Reach, episode};
 
-use super::program::Program;
-use super::sweep::{Ends, sweep};
-use super::tape::{Given, Leaf, Node, Tape, Traced};
-use super::{Compiled, number::Function};
+use super::Compiled;
+use crate::formula::{Ends, Function, Given, Leaf, Node, Program, Tape, Traced, sweep};
 
 impl std::fmt::Display for Given {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -189,10 +187,25 @@ fn functions(task: &Compiled, gradients: bool) -> String {
     text
 }
 
+impl Compiled {
+    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also
+    /// compiles as plain C++.
+    ///
+    /// # Errors
+    /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.
+    pub fn kernels(&self, reach: Reach, gradients: bool) -> Result<String, String> {
+        if self.plain().is_some() {
+            return Err(format!("task `{}` has plain code (nerd_tasks::Plain), so it stays on the CPU", self.name()));
+        }
+        self.wrong.clone().map_or(Ok(()), Err)?;
+        episodes(self, reach, gradients)
+    }
+}
+
 /// The episode around a solver as GPU code, for scenes and robots within `reach`: kernels `task_act` and `task_judge`.
 /// With `gradients` also the adjoint kernels `task_arrive_back`, `task_acted_back`, `task_leave` and
 /// `task_begin_again`. The text also compiles as plain C++, so tests need no GPU.
-pub(super) fn episodes(task: &Compiled, reach: Reach, gradients: bool) -> Result<String, String> {
+fn episodes(task: &Compiled, reach: Reach, gradients: bool) -> Result<String, String> {
     let (about, mut text) = (task.about(), episode(task.recorded_for(), reach)?);
     let (level, levels) = task.levels().unwrap_or_default();
     let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory()), ("LEVEL_AT", level), ("LEVELS", levels)];
