@@ -135,10 +135,10 @@ impl Panel {
             let width = if series.name.is_empty() { 5 } else { 2 };
             match series.style {
                 Style::Line | Style::Marked => {
-                    drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?)
+                    chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?;
                 }
                 Style::Dashed => {
-                    drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?)
+                    chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?;
                 }
             }
             if series.style == Style::Marked {

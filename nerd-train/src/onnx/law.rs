@@ -1,6 +1,6 @@
 //! Finds how actions become torques in the task's recorded formulas.
 
-use nerd_tasks::formula::{Forms, Sight, Tape, Traced};
+use nerd_tasks::formula::{Forms, Tape, Traced};
 
 use super::terms::{Action, Law};
 use crate::prelude::*;
