@@ -6,7 +6,7 @@ use nerd_core::dynamics::bias;
 use super::spin::{SPIN_PASSES, Spin};
 use super::stick::{BREAKAWAY_SOLVES, HELD_FACTOR};
 use super::touch::{Contact, Touch};
-use super::{config::Asked, touches::Touches, workspace::Workspace};
+use super::{along::Tree, config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
 /// Most solves of a substep.
@@ -84,7 +84,12 @@ impl Workspace {
                     *right += tau[i] + pull[i] - damping_used[i] * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, settled, config.friction, pass)?;
+            self.solve(robot, h, pass > 0)?;
+            // Damping on the side of the substep's start would make the next state of a resting robot jump.
+            if first && pass == 0 && self.take_sides(h) {
+                self.solve(robot, h, true)?;
+            }
+            let changed = self.settle(robot, h, settled, config.friction, pass);
             // The middle is not corrected by a rate found before all drives are within their bounds.
             let wait = changed && !self.drives.is_empty();
             let Touches { middle, rate, tree, .. } = &mut self.touches;
@@ -131,12 +136,10 @@ impl Workspace {
         Ok(found)
     }
 
-    /// Solves for accelerations with the touches that have not parted. Then updates each touch: drags follow from force
-    /// and slip at the solution, and a point that would pull has parted. Returns whether anything changed. The first
-    /// pass expects the matrix without touches in `data`; later passes restore it, or reuse its factor.
-    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> Result<bool, String> {
-        let again = pass > 0;
-        let Touches { touches, columns, shares, mass, right, tree, may_gain_energy, .. } = &mut self.touches;
+    /// Solves for accelerations with the touches that have not parted. The first solve expects the matrix without
+    /// touches in `data`; `again` restores it, or reuses its factor.
+    fn solve(&mut self, robot: &Robot, h: f64, again: bool) -> Result<(), String> {
+        let Touches { touches, columns, shares, mass, right, tree, .. } = &mut self.touches;
         match tree {
             Some(tree) => tree.clear(shares),
             None if again && !touches.is_empty() => self.data.mass.as_mut_slice().copy_from_slice(mass.as_slice()),
@@ -184,15 +187,33 @@ impl Workspace {
             }
             self.factor.solve(self.data.qdd.as_mut_slice());
         }
+        Ok(())
+    }
+
+    /// Gives each contact the damping of the side that its damper saw in the last solution. Returns whether any changed.
+    fn take_sides(&mut self, h: f64) -> bool {
+        let Touches { touches, columns, tree, .. } = &mut self.touches;
         let mut changed = false;
+        for touch in touches.iter_mut() {
+            if let Touch::Contact(contact) = touch {
+                let change = moved(contact, columns, tree.as_ref(), &self.data.qdd, h) + contact.turn;
+                let (vn, dn) = (contact.normal.dot(&contact.start), contact.normal.dot(&change));
+                changed |= contact.take_side(vn, dn);
+            }
+        }
+        changed
+    }
+
+    /// Updates each touch: drags follow from force and slip at the solution, and a point that would pull has parted.
+    /// Returns whether anything changed.
+    fn settle(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> bool {
+        let (mut changed, dofs) = (false, robot.root_dofs());
+        let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
         for touch in touches.iter_mut() {
             changed |= match touch {
                 Touch::Contact(contact) if contact.parted => false,
                 Touch::Contact(contact) => {
-                    let change = match tree {
-                        Some(tree) => tree.at(contact.link, &contact.x) * h,
-                        None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
-                    };
+                    let change = moved(contact, columns, tree.as_ref(), &self.data.qdd, h);
                     let mut changed = contact.settle(&change, h, friction, (settled, pass));
                     if contact.turns() {
                         let spin = match tree {
@@ -226,7 +247,22 @@ impl Workspace {
                 Touch::Drive { .. } | Touch::Limit(_) => false,
             };
         }
-        Ok(changed)
+        changed
+    }
+}
+
+/// Change (m/s) `h J qdd` of a contact's velocity in the last solution.
+#[inline]
+fn moved(
+    contact: &Contact,
+    columns: &[(usize, Vector3<f64>)],
+    tree: Option<&Tree>,
+    qdd: &DVector<f64>,
+    h: f64,
+) -> Vector3<f64> {
+    match tree {
+        Some(tree) => tree.at(contact.link, &contact.x) * h,
+        None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * qdd[*k])).sum(),
     }
 }
 

@@ -192,6 +192,16 @@ impl Contact {
         (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
     }
 
+    /// Takes the damping of the side that its damper sees at a normal velocity (m/s) and its change. Returns whether it
+    /// is another.
+    #[inline]
+    pub(super) fn take_side(&mut self, vn: f64, dn: f64) -> bool {
+        let [damping, damper] = self.dampers[usize::from(self.parts(vn, dn))];
+        let other = damping != self.material.damping;
+        (self.material.damping, self.theta[1]) = (damping, damper);
+        other
+    }
+
     /// Updates force and drag after a change `h J qdd` of its velocity; returns whether another solve is needed.
     #[inline]
     pub(super) fn settle(
@@ -209,11 +219,8 @@ impl Contact {
         let seen = velocity + change * slide;
         let slip = seen - n * n.dot(&seen) - self.slip_offset;
         self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.drag };
-        // Taken at the substep's start alone, the damping would make the next state of a resting robot jump.
-        let [damping, damper] = self.dampers[usize::from(self.parts(vn, dn))];
-        let other_damping = (damping - m.damping).abs() * (vn + damper * dn).abs() > settled * normal.abs();
         let mut next = drag(normal.max(0.0), slip.norm(), m, friction);
-        let mut settled = settled;
+        let (mut tolerance, damping) = (settled, m.damping);
         if friction == Friction::Coulomb {
             let inertia = 2.0 * m.friction_damping / STICK_DRAG;
             if pass < BREAKAWAY_SOLVES {
@@ -226,12 +233,14 @@ impl Contact {
             }
             // Drag above the point's inertia over the substep changes little, so a rise needs no small tolerance.
             if next > self.drag {
-                settled *= 1.0 + self.drag / inertia;
+                tolerance *= 1.0 + self.drag / inertia;
             }
         }
-        let changed = self.parted || other_damping || (next / self.drag - 1.0).abs() > settled;
-        (self.drag, self.material.damping, self.theta[1]) = (next, damping, damper);
-        changed
+        let changed = self.parted || (next / self.drag - 1.0).abs() > tolerance;
+        self.drag = next;
+        self.take_side(vn, dn);
+        let apart = (self.material.damping - damping).abs() * (vn + self.theta[1] * dn).abs();
+        changed || apart > settled * normal.abs()
     }
 }
 

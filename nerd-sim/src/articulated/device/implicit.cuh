@@ -198,6 +198,8 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             for_up<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
+        // Damping on the side of the substep's start would make the next state of a resting robot jump.
+        if (correct && pass == 0 && take_sides(w, h) && !(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
             // In a chain that whips, the rate of the substep before does not predict this middle.

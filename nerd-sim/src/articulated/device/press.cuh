@@ -9,6 +9,15 @@ FN bool parts(const Touch& t, real vn, real dn, real h, real weight, bool mean_t
     return vn + damper_theta(h, t.approach, weight, mean_theta) * dn >= 0;
 }
 
+// Takes the damping of that side. Returns whether it is another.
+FN bool take_side(Touch& t, real vn, real dn, real h, real weight, bool mean_theta) {
+    const real damping = parts(t, vn, dn, h, weight, mean_theta) ? t.stiffness * t.release : t.approach;
+    const bool other = damping != t.damping;
+    t.damping = damping;
+    t.theta[1] = damper_theta(h, damping, weight, mean_theta);
+    return other;
+}
+
 // A contact at its present drag: force; resistance along and across the normal, times h.
 struct Push { V3 force; real along, across; };
 
@@ -114,6 +123,19 @@ BIG bool pressed_along(Work& w, real h) {
     return true;
 }
 
+// Gives each contact the damping of the side that its damper saw in the last solution. Returns whether any changed.
+BIG bool take_sides(Work& w, real h) {
+    Motion twist[NL];
+    if (!ALONG) twists(w.tree, w.qdd, twist);
+    bool changed = false;
+    for (int k = 0; k < w.points; k++) {
+        Touch& t = w.touch[k];
+        const V3 change = (ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
+        changed = take_side(t, dot(t.normal, t.start), dot(t.normal, change), h, w.weight[t.index], w.mean_theta) || changed;
+    }
+    return changed;
+}
+
 // Updates drags, separated contacts and drives at their bounds from w.qdd. Returns whether a new solve is needed.
 BIG bool update_touches(Work& w, real h, real settled, int pass) {
     const bool leaps = pass < BREAKAWAY_SOLVES;
@@ -140,11 +162,9 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         const real enough = next > t.drag ? settled * (1 + t.drag / inertia) : settled;
         changed = changed || t.parted || size(next / t.drag - 1) > enough;
         t.drag = next;
-        const real weight = w.weight[t.index], damping = parts(t, vn, dn, h, weight, w.mean_theta) ? t.stiffness * t.release : t.approach;
-        const real theta = damper_theta(h, damping, weight, w.mean_theta);
-        changed = changed || size(damping - t.damping) * size(vn + theta * dn) > settled * size(normal);
-        t.damping = damping;
-        t.theta[1] = theta;
+        const real damping = t.damping;
+        take_side(t, vn, dn, h, w.weight[t.index], w.mean_theta);
+        changed = changed || size(t.damping - damping) * size(vn + t.theta[1] * dn) > settled * size(normal);
 #if TURNS
         if (!turns(t)) continue;
         const V3 turned = ALONG ? reached(w.along, t.link) : twist[t.link].ang;
