@@ -43,7 +43,7 @@ impl Workspace {
                     let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
                     self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
-                if !self.press(asked, qd, dt, 1.0 / substeps as f64) {
+                if !self.contact_wrenches(asked, qd, dt, 1.0 / substeps as f64) {
                     return Ok(false);
                 }
             }
@@ -58,7 +58,7 @@ impl Workspace {
 
     /// Writes contact wrenches to `data.external`, and adds `share` of their forces to the frame's. `false` if a
     /// friction is too stiff for a substep of `dt`.
-    fn press(&mut self, asked: &Asked, qd: &[f64], dt: f64, share: f64) -> bool {
+    fn contact_wrenches(&mut self, asked: &Asked, qd: &[f64], dt: f64, share: f64) -> bool {
         let Asked { system, scene, config, .. } = *asked;
         let robot = &system.robot;
         self.data.external.fill(Wrench::default());

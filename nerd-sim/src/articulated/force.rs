@@ -1,5 +1,8 @@
 //! The compliant contact model of the reference simulator.
 //!
+//! Explicit substeps apply [`force`], and self-collision its law. In implicit substeps friction with the scene sticks:
+//! `touch.rs` and `stick.rs` use only [`drag`].
+//!
 //! A contact point of radius r has the gap `g = n . (x - p1)` with `x = p0 - r n`, and acts for `g < 0`. The body moves
 //! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is
 //! `N = max(0, -(k_e g + k_d v_n))`; where `v_n > 0`, `k_e` times `release` takes the place of `k_d`. Friction is

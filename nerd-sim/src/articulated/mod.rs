@@ -6,6 +6,18 @@
 //! energy is repeated with more substeps. Models and policies learn from preset `accurate`; `paper` reproduces the
 //! reference simulator; `converged` measures errors. An environment without collider or contact point runs no contact
 //! code.
+//!
+//! Where contact and its friction are computed:
+//!
+//! | | CPU | GPU (`device/`) |
+//! |---|---|---|
+//! | explicit substeps | `explicit.rs`, [`force`] | none |
+//! | implicit substeps: equations, thetas | `implicit.rs` | `implicit.cuh` |
+//! | the points that touch | `find.rs` | `touch.cuh` |
+//! | force and drag; friction that sticks | `touch.rs`, `stick.rs`, `turning.rs` | `touch.cuh`, `press.cuh` |
+//! | repeated solves, which update drags | `kick.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
+//! | self-collision | `fold.rs` | `fold.cuh` |
+//! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
 
 mod along;
 mod config;

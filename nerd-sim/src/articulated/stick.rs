@@ -1,4 +1,5 @@
-//! Friction that sticks, of slip (`touch.rs`) and of rotation (`turning.rs`).
+//! Friction that sticks: constants and breakaway. `touch.rs` applies them to slip, `turning.rs` to rotation. On a GPU
+//! `device/touch.cuh` and `device/press.cuh` do the same.
 
 use super::force::drag;
 use crate::prelude::*;

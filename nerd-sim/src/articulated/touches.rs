@@ -1,4 +1,4 @@
-//! Working memory of the implicit step.
+//! Working memory of the implicit step. `find.rs` fills in the touches; `touch.rs` has their forces.
 
 use nalgebra::{DMatrix, SVector};
 

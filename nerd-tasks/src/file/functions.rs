@@ -9,6 +9,7 @@ use super::words::{Of, sum};
 use crate::formula::{Leaf, Number, Traced};
 
 impl<'a> Reader<'a> {
+    /// Value of a function. A new one goes into `needed`, `known`, the last match and `docs/tasks.md`.
     pub(super) fn called(&self, name: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if name == "place" || name == "axis" {

@@ -91,7 +91,8 @@ impl Facts {
         (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
     }
 
-    /// A built-in word; `None` if there is no such word. Words of a free root are refused on a fixed base.
+    /// A built-in word; `None` if there is no such word. Words of a free root are refused on a fixed base. A new word
+    /// also goes into [`Self::WORDS`] and `docs/tasks.md`; one of a free root into the list that is refused here, too.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
@@ -188,7 +189,7 @@ impl Facts {
         if self.terrain { tape.leaf(Leaf::Ground(at)) } else { Traced::from(self.floor) }
     }
 
-    /// All words, except names of a robot's parts.
+    /// All words, except names of a robot's parts, for errors. `expression.rs` has those of actions, time and torque.
     pub const WORDS: &str = "q, qd, default_q, low, high, kp, kd, gain, torque_limit, position, quaternion, twist, height, ground, up, forward, \
                              velocity, ang_vel, world_velocity, world_ang_vel, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, default_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";

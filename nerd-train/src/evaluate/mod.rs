@@ -2,7 +2,8 @@
 //! the reference simulator: starts as at a robot's reset; mean absolute difference over all steps and trajectories;
 //! endless angles wrapped. A position law holds its target; without one there is no torque.
 //!
-//! The baseline `hold` repeats the start. Diverged rollouts are counted and stay in every mean.
+//! The baseline `hold` repeats the start. Diverged rollouts are counted and stay in every mean. `tally.rs` has the
+//! sums, for these rollouts and for those against recorded motion (`pieces.rs`).
 
 use std::fmt;
 

@@ -1,9 +1,9 @@
-//! Passive motion: drift of a solver from the truth, and of a model from its own truth.
+//! Passive motion (the verb `evaluate`): drift of a solver from the truth, and of a model from its own truth.
 //!
-//! Errors are the mean absolute difference of each coordinate over all steps and trajectories, from the robot's reset
-//! distribution without torques. Beside them stand the floor `hold` (repeating the start), the paper's figure and the
-//! number of diverged rollouts. A paper-size network takes about 0.5 ms per environment and frame on two cores, a tenth
-//! if it streams.
+//! [`nerd_train::evaluate`] rolls out and computes the errors: the mean absolute difference of each coordinate over all
+//! steps and trajectories, from the robot's reset distribution without torques. Beside them stand the floor `hold`
+//! (repeating the start), the paper's figure and the number of diverged rollouts. A paper-size network takes about 0.5
+//! ms per environment and frame on two cores, a tenth if it streams.
 
 mod recorded;
 mod rows;
@@ -22,7 +22,7 @@ pub use recorded::Recorded;
 pub use rows::{Row, Rows, unworthy};
 
 settings! {
-    /// Settings of passive motion.
+    /// Settings of passive motion: options of `evaluate`.
     pub struct Protocol {
         /// Scenes, comma-separated [default: the scene of the robot's training data, else all of its own scenes]
         scene: Vec<String> = Vec::new(), Texts;

@@ -1,4 +1,5 @@
-// Solves for accelerations under touches and drives, and updates these, as articulated/kick.rs.
+// Solves for accelerations under touches and drives, as articulated/kick.rs. Updates their forces and drags, as
+// `Contact::settle` of articulated/touch.rs.
 
 FN real damper_theta(real h, real damping, real weight, bool mean_theta) {
     return mean_theta ? (real)0.5 : most(1 - 1 / (h * damping * weight), (real)0.5);

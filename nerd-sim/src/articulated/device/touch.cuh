@@ -1,5 +1,6 @@
-// Touches of a substep (contacts, joints beyond limits, dry friction) and drives, as articulated/touches.rs. NP points
-// (locus.cuh), NC colliders. Per joint: DAMPING, DRY, LIMIT (ends, stiffness, damping), TOP (velocity), SPRING, SLACK.
+// Touches of a substep (contacts, joints beyond limits, dry friction) and drives, found as in articulated/find.rs. The
+// law of friction is that of touch.rs, stick.rs and turning.rs; press.cuh applies it. NP points (locus.cuh), NC
+// colliders. Per joint: DAMPING, DRY, LIMIT (ends, stiffness, damping), TOP (velocity), SPRING, SLACK.
 
 constexpr int SCENE = SHARED + OWN;          // numbers of a scene's record
 constexpr int DRIVES = DRIVEN ? NJ : 0;
@@ -192,7 +193,7 @@ FN real gyration(const Tree& t, int link) {
 FN real falls(const Work& w, real h) { return h * h * norm(w.gravity); }
 
 // Adds the contact of a point with surface c, if inside it in some part of the substep.
-FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
+FN void add_contact(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     if (!may(w, point, c)) return;
     const int link = POINT_LINK[point];
     const V3 x = facing(w.tree, point, n, true) - n * RADIUS[point];
@@ -248,7 +249,7 @@ FN void near(const Work& w, real h, unsigned* mask) {
         const V3 p = facing(t, point, n, true);
         const V3 v = at(t.velocity[link], p);
         const real d = dot(n, p) - plane.offset, way = h * (field ? norm(v) : (real)0.5 * dot(n, v));
-        // With room for rounding; `press` decides.
+        // With room for rounding; `add_contact` decides.
         if (!(d - steep * (radius + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
     });
 }
@@ -260,7 +261,7 @@ FN bool meet(Work& w, int point, real h) {
     if (w.surfaces == 1) {
         const real d = meets(tr, w.surface[0], point, n, nearest);
         if (!(d == d)) return false;
-        press(w, point, 0, n, nearest, h);
+        add_contact(w, point, 0, n, nearest, h);
         return true;
     }
     const Motion& twist = tr.velocity[POINT_LINK[point]];
@@ -282,7 +283,7 @@ FN bool meet(Work& w, int point, real h) {
             V3 m, place;
             covered = nearer && distance(w.surface[o], nearest, m, place) < (real)1e-6;
         }
-        if (!covered) press(w, point, c, n, nearest, h);
+        if (!covered) add_contact(w, point, c, n, nearest, h);
     }
     return true;
 }
