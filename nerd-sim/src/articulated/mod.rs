@@ -6,6 +6,11 @@
 //! energy is repeated with more substeps. Models and policies learn from preset `accurate`; `paper` reproduces the
 //! reference simulator; `converged` measures errors. An environment without collider or contact point runs no contact
 //! code.
+//!
+//! A joint's own forces are computed in two places. `explicit.rs` (`accelerate`) has them for explicit substeps.
+//! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` have them for implicit
+//! ones. `stiff.rs` decides which are too stiff for explicit substeps. `gradients` differentiates them, `device` has
+//! them as kernels. [`force`] is contact's alone.
 
 mod along;
 mod config;
