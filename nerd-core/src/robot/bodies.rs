@@ -81,7 +81,7 @@ pub enum BodyJointKind {
     Floating,
 }
 
-/// A joint between two bodies.
+/// A joint between two bodies. Springs and armature are not here: a system's `[[joint]]` has them, also from an MJCF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyJoint {
     /// Name.

@@ -1,4 +1,5 @@
-//! One-DoF joints and the forces at them.
+//! One-DoF joints and the numbers of their forces. Solvers compute the forces (`nerd_sim::articulated`); a limit's is
+//! here.
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 

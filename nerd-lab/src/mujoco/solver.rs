@@ -1,4 +1,5 @@
-//! MuJoCo as a solver: the robot and scene as our MJCF, with MuJoCo's default contacts and our friction of each pair.
+//! MuJoCo as a solver, for the stability suite: the robot and scene as our MJCF, with MuJoCo's default contacts and our
+//! friction of each pair. A chart plays whole rollouts instead ([`super::Referee`]), without Python's time.
 
 use nerd_sim::solver::{Fault, check, commit};
 use serde_json::json;

@@ -1,9 +1,11 @@
 //! Implicit substep of second order: contact, limits and joint damping by the theta method, each force stable alone.
 //!
-//! Leapfrog: half a drift, a kick with the forces at the middle, half a drift. A touch is a contact, a limit, a drive
-//! or dry friction. Its damper and drag see the velocity `v + theta (v' - v)` between the substep's start and end; its
-//! spring sees the gap `g + theta h (v' - v)`. A spring's theta is 1/4, which takes the mean of the gaps at both ends
-//! and keeps its energy. A damper's theta is 1/2. Both grow where the force is too stiff for the touch's own inertia,
+//! Leapfrog: half a drift of the positions, a kick of the velocities by the forces at the middle, half a drift. A touch
+//! is a contact, a limit, a drive or dry friction. Its force depends on the change of velocity over the substep, so it
+//! is solved for. v is the velocity of the touching place at the substep's start, v' at its end. The touch's damper and
+//! drag see the velocity `v + theta (v' - v)`; its spring sees the gap `g + theta h (v' - v)`, with g at the middle. A
+//! spring's theta is 1/4, which takes the mean of the gaps at both ends and keeps its energy. A damper's theta is 1/2,
+//! the trapezoidal rule; 1 would be implicit Euler. Both grow where the force is too stiff for the touch's own inertia,
 //! `1 / w = 1 / n^T J M^-1 J^T n`:
 //!
 //! ```text
@@ -13,30 +15,41 @@
 //! v = J qd - h/2 J_dot qd,   v' - v = h J qdd + u
 //! ```
 //!
-//! Places and J are taken at the middle. The damping d holds while a point approaches; while it parts, d is k times the
-//! material's `release`. The velocity that the damper sees decides, found by iteration. Friction holds with its last
-//! force through the slip offset `s_0` (`stick.rs`). A free root's `qdd` is its spatial acceleration; its velocity
-//! `p_dot` changes by that plus `w x p_dot`. So a rolling ball, with spatial acceleration `-w x p_dot`, expects no
-//! change of `p_dot`. Without `w x p_dot` each contact would expect an upward motion. `J_dot qd` is the rate of change
-//! of a touching place's velocity at zero `qdd`, `a + w_dot x x + w x x_dot` of its link, less `w x p_dot`. The place x
-//! moves with the centre of a ball, with a corner, or round the rim of a disc. At theta 1/2 `J_dot qd` cancels. Stiff
-//! friction has theta near 1: without `J_dot qd` it would stop slip along the middle's axes, and drive a wobbling coin.
+//! The implicit resistance of a touch is its `h D`, an inertia that the matrix gains. Places and J are taken at the
+//! middle. The damping d holds while a point approaches; while it parts, d is k times the material's `release`. The
+//! velocity that the damper sees decides, found by iteration. Friction holds with its last force through the slip
+//! offset `s_0` (`stick.rs`).
 //!
-//! The gap g is the mean over the part of the substep that the point spends inside. k and d, and c unless it sticks,
-//! are scaled by that part, so the instant of landing matters little. The drag c is the friction law's at the slip
-//! seen, found by iteration. A point that would pull has parted: it is dropped and the system solved again. A joint
-//! beyond its limit is a touch without friction that may pull. A joint's own damper always acts. Its theta is 1/2 up to
-//! `z = h d w` of 1, and beyond it is `1 / (1 - exp(-z)) - 1 / z`, exact for a lone damper. A joint's dry friction is a
-//! constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps. A joint's spring too stiff for the substep,
-//! `z = h^2 k w`, would ring forever and shake the rest. It is damped by at least `h k min(z, 1/2)`. This damping is of
-//! third order in h, and a damper that lets the spring come to rest outweighs it. A drive ([`crate::drive`]) may pull,
-//! until its effort makes its force constant. A touch couples only the joints above it, so the matrix keeps the tree's
-//! zeros and the factorisation its cost. A frame that gains energy is repeated with more substeps (`energy.rs`). For
-//! long chains the same equations are solved along the tree (`along.rs`).
+//! In u, w is the root's angular velocity and `p_dot` its velocity. A free root's `qdd` is its spatial acceleration;
+//! `p_dot` changes by that plus `w x p_dot`. The spatial acceleration of a rolling ball is `-w x p_dot`, so its `p_dot`
+//! is constant. Without `w x p_dot` in u, each of its contacts would predict an upward motion.
+//!
+//! `J_dot qd` is the rate of change of a touching place's velocity at zero `qdd`. With w and a of the link it is
+//! `a + w_dot x x + w x x_dot`, less the root's `w x p_dot`. The place x moves with the centre of a ball, with a
+//! corner, or round the rim of a disc. At theta 1/2 `J_dot qd` cancels: v lacks half of it, and theta u adds that half.
+//! Stiff friction has theta near 1: without `J_dot qd` it would stop slip along the middle's axes, and drive a wobbling
+//! coin.
+//!
+//! A point may be inside its surface during only a part of the substep. The gap g is its mean over that part. k and d,
+//! and c unless it sticks, are multiplied by that part of the substep, from 0 to 1. So the instant of landing matters
+//! little. The drag c is the friction law's at the slip seen, found by iteration. A point that would pull has parted:
+//! it is dropped and the system solved again. A joint beyond its limit is a touch without friction that may pull. A
+//! joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps. A drive ([`crate::drive`])
+//! may pull, until its effort makes its force constant.
+//!
+//! A joint's own damper and spring are no touches: they act in every substep. The damper's theta is 1/2 up to
+//! `z = h d w` of 1, and beyond it is `1 / (1 - exp(-z)) - 1 / z`, exact for a lone damper. A spring too stiff for the
+//! substep, `z = h^2 k w`, would ring forever and shake the rest. It is damped by at least `h k min(z, 1/2)`. This
+//! damping is of third order in h. If the joint's own damping is larger, it replaces this damping.
+//!
+//! A touch couples only the joints above it, so the matrix keeps the tree's zeros and the factorisation its cost. For
+//! long chains the same equations are solved along the tree (`along.rs`). `find.rs` collects the touches, `touch.rs`
+//! has their forces, and `kick.rs` solves for `qdd`. `frame.rs` repeats a frame that gains energy (`energy.rs`) with
+//! more substeps.
 
 use nerd_core::dynamics::{crba, drift, inertias, to_local, to_world};
 
-use super::spin::{centre, stand};
+use super::spin::{centre, kinematics_about_com};
 use super::touch::{Contact, MEAN_THETA, Touch, spring_theta};
 use super::{config::Asked, energy::FAST_TURN, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
@@ -67,7 +80,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// One substep, or two halves where the solve finds no middle velocity.
+    /// One substep, or two halves where the solve finds no middle velocity (for the bias forces, `kick.rs`).
+    /// `halvings`: how often the substep may still be halved.
     fn substep(
         &mut self,
         own: &Substep,
@@ -83,9 +97,9 @@ impl Workspace {
             self.touches.before.copy_from_slice(q);
         }
         drift(robot, q, qd, half);
-        stand(robot, q, &mut self.data);
+        kinematics_about_com(robot, q, &mut self.data);
         self.query(system, scene, qd, h, h * h * scene.gravity.norm())
-            .map_err(|lost| gone(system, q).unwrap_or(lost))?;
+            .map_err(|error| gone(system, q).unwrap_or(error))?;
         self.find(system, scene, q, qd, h);
         if !system.folds.is_empty() {
             self.touches.may_gain_energy |=
@@ -95,8 +109,8 @@ impl Workspace {
             Some(_) => inertias(robot, &mut self.data),
             None => crba(robot, &mut self.data),
         }
-        self.touches.plain = false;
-        if self.touches.shared != h {
+        self.touches.factorised = false;
+        if self.touches.damped_h != h {
             self.damp(robot, h)?;
         }
         self.set_thetas(robot, h, config.friction)?;
@@ -114,23 +128,24 @@ impl Workspace {
             self.substep(&halved, first, halvings - 1, q, qd)?;
             return self.substep(&halved, false, halvings - 1, q, qd);
         }
-        self.touches.drive(robot.root_dofs(), h, qd);
+        self.touches.add_work(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
         self.touches.may_gain_energy |=
             rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > FAST_TURN);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
-        self.touches.tell(h / system.frame_time, &mut self.forces);
-        self.touches.hold();
+        self.touches.add_forces(h / system.frame_time, &mut self.forces);
+        self.touches.keep_wrenches();
         drift(robot, q, qd, half);
         Ok(())
     }
 
-    /// Computes each joint's damping, and the implicit resistance of its damper and spring.
+    /// Computes each joint's damping, and the implicit resistance of its damper and spring. Within a frame they stay
+    /// until h changes.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
-        self.touches.shared = h;
+        self.touches.damped_h = h;
         for (i, joint) in robot.joints().enumerate() {
             let mut w = 0.0;
-            if Damped::weighed(joint, h, self.stiff.bounds.least[i]) {
+            if Damped::needs_inv_mass(joint, h, self.stiff.bounds.least[i]) {
                 self.plain(robot)?;
                 w = self.inv_mass(robot, i);
             }
@@ -141,44 +156,45 @@ impl Workspace {
         Ok(())
     }
 
-    /// Factorises the mass matrix without touches, unless done already.
+    /// Factorises the plain mass matrix, without touches, unless done already. Inverse effective masses need it.
     fn plain(&mut self, robot: &Robot) -> Result<(), String> {
-        if std::mem::replace(&mut self.touches.plain, true) {
+        if std::mem::replace(&mut self.touches.factorised, true) {
             return Ok(());
         }
-        let (sound, lost) = match &mut self.touches.tree {
+        let (sound, fault) = match &mut self.touches.tree {
             Some(tree) => (tree.plain(robot, &self.data), Some(tree.lost())),
             None => (self.factor.refill(&self.data.mass), None),
         };
-        if sound { Ok(()) } else { Err(self.factor.fault_at(robot, lost)) }
+        if sound { Ok(()) } else { Err(self.factor.fault_at(robot, fault)) }
     }
 
-    /// w of a joint; needs [`Self::plain`].
+    /// Inverse effective mass w of a joint, `(M^-1)_ii`; needs [`Self::plain`].
     fn inv_mass(&mut self, robot: &Robot, joint: usize) -> f64 {
-        let Touches { alone, tree, .. } = &mut self.touches;
+        let Touches { joint_column, tree, .. } = &mut self.touches;
         if let Some(tree) = tree {
             return tree.inv_mass(robot, joint);
         }
         let k = robot.root_dofs() + joint;
-        alone[..k].fill([0.0].into());
-        alone[k] = [1.0].into();
-        self.factor.inv_mass(k, alone).x
+        joint_column[..k].fill([0.0].into());
+        joint_column[k] = [1.0].into();
+        self.factor.inv_mass(k, joint_column).x
     }
 
-    /// w of a contact along its normal, and the sum of w over both tangential directions; needs `plain`.
+    /// Inverse effective mass w of a contact, `J M^-1 J^T`: along its normal, and summed over both tangential
+    /// directions. Needs [`Self::plain`].
     fn inv_masses(&mut self, contact: &Contact) -> (f64, f64) {
-        let Touches { columns, rows, tree, .. } = &mut self.touches;
+        let Touches { columns, point_columns, tree, .. } = &mut self.touches;
         let w = if let Some(tree) = tree {
             Matrix3::from_columns(&[0, 1, 2].map(|k| tree.response(contact, &Vector3::ith(k, 1.0))))
         } else {
             let (mut last, columns) = (0, &columns[contact.columns.clone()]);
-            rows.fill(Vector3::zeros());
+            point_columns.fill(Vector3::zeros());
             for (k, a) in columns {
                 // Mimic joints share a column.
-                rows[*k] += a;
+                point_columns[*k] += a;
                 last = last.max(*k);
             }
-            self.factor.inv_mass(last, rows)
+            self.factor.inv_mass(last, point_columns)
         };
         let along = contact.normal.dot(&(w * contact.normal));
         (along, w.trace() - along)
@@ -209,7 +225,8 @@ impl Workspace {
                     *self.touches.weights[index].insert(if w > 0.0 { w } else { f64::INFINITY })
                 }
             };
-            // Beyond the surface for only a part of the substep: the gap at one end is positive.
+            // Beyond the surface for only a part of the substep: the gap at one end is positive. Then its mean over
+            // that part, plus half of the way, is positive, too.
             self.touches.may_gain_energy |= match touch {
                 Touch::Contact(contact) => contact.gap + 0.5 * h * contact.normal.dot(&contact.velocity).abs() > 0.0,
                 Touch::Limit(spring) => spring.gap + 0.5 * h * spring.rate.abs() > 0.0,
@@ -242,13 +259,14 @@ impl Workspace {
 /// A joint's damping, and the implicit resistance of its damper and spring.
 pub(super) struct Damped {
     pub(super) damping_used: f64,
+    /// Implicit resistance, `theta h d + theta h^2 k`.
     pub(super) share: f64,
 }
 
 impl Damped {
-    /// Whether a joint with an inertia of at least `least` needs its w. If not, w counts as 0: thetas are 1/2 and 1/4,
-    /// and its spring is not damped.
-    pub(super) fn weighed(joint: &Joint, h: f64, least: f64) -> bool {
+    /// Whether a joint's w matters, since its damper or spring may be stiff for its inertia of at least `least`. If
+    /// not, w counts as 0: thetas are 1/2 and 1/4, and its spring is not damped.
+    pub(super) fn needs_inv_mass(joint: &Joint, h: f64, least: f64) -> bool {
         h * joint.damping.max(h * joint.stiffness) > least
     }
 
@@ -257,28 +275,29 @@ impl Damped {
         let damping_used = joint.damping.max(h * joint.stiffness * z.min(MAX_SPRING_DAMPING));
         Self {
             damping_used,
-            share: exponential(h * damping_used * w) * h * damping_used + spring_theta(z) * h * h * joint.stiffness,
+            share: exponential_theta(h * damping_used * w) * h * damping_used
+                + spring_theta(z) * h * h * joint.stiffness,
         }
     }
 
-    /// Derivatives of both with respect to w, and to the joint's damping.
+    /// Derivatives of (`damping_used`, `share`) with respect to w, then to the joint's own damping.
     pub(super) fn gradients(joint: &Joint, h: f64, w: f64) -> [(f64, f64); 2] {
         let k = h * h * joint.stiffness;
         let damping_used = Self::of(joint, h, w).damping_used;
-        let own = damping_used == joint.damping;
-        let by_w = if k * w < MAX_SPRING_DAMPING && !own { k * k / h } else { 0.0 };
+        let is_own = damping_used == joint.damping;
+        let by_w = if k * w < MAX_SPRING_DAMPING && !is_own { k * k / h } else { 0.0 };
         let z = h * damping_used * w;
-        // Derivative of `exponential`.
+        // Derivative of `exponential_theta`.
         let gradient = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
-        let damper = |braked_by: f64, z_by: f64| gradient * z_by * h * damping_used + exponential(z) * h * braked_by;
+        let damper = |by: f64, z_by: f64| gradient * z_by * h * damping_used + exponential_theta(z) * h * by;
         let by_spring = if spring_theta(k * w) > MEAN_THETA { 0.5 / (w * w) } else { 0.0 };
-        let by_own = f64::from(own);
+        let by_own = f64::from(is_own);
         [(by_w, damper(by_w, h * (damping_used + w * by_w)) + by_spring), (by_own, damper(by_own, h * w * by_own))]
     }
 }
 
 /// Theta of a damper: 1/2, or beyond `z = h d w` of 1 the theta that makes the decay `1 - z / (1 + theta z)` exact,
 /// `exp(-z)`.
-fn exponential(z: f64) -> f64 {
+fn exponential_theta(z: f64) -> f64 {
     if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
 }

@@ -18,6 +18,11 @@
 //! | repeated solves, which update drags | `kick.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
 //! | self-collision | `fold.rs` | `fold.cuh` |
 //! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
+//!
+//! A joint's own forces are computed in two places. `explicit.rs` (`accelerate`) has them for explicit substeps.
+//! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` have them for implicit
+//! ones. `stiff.rs` decides which are too stiff for explicit substeps. `gradients` differentiates them, `device` has
+//! them as kernels. [`force`] is contact's alone.
 
 mod along;
 mod config;

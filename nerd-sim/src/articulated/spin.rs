@@ -53,7 +53,7 @@ pub(super) fn centre(robot: &Robot, q: &mut [f64], sign: f64) {
 }
 
 /// Kinematics about the centre of mass of the root's link, from coordinates `q` with the root's position there.
-pub(super) fn stand(robot: &Robot, q: &[f64], data: &mut Data) {
+pub(super) fn kinematics_about_com(robot: &Robot, q: &[f64], data: &mut Data) {
     let place = root_position(robot, q);
     kinematics_about(robot, q, &(place + arm(robot, q)), data);
     data.origin = place;

@@ -19,10 +19,10 @@ pub(super) struct Touches {
     pub(super) damping_used: Vec<f64>,
     /// Implicit resistance of the joints' own dampers and springs, `theta h d + theta h^2 k`.
     pub(super) shares: Vec<f64>,
-    /// Substep (s) of the present `damping_used` and `shares`; 0: none yet.
-    pub(super) shared: f64,
+    /// Substep (s) that the present `damping_used` and `shares` are for; 0: none yet.
+    pub(super) damped_h: f64,
     /// Whether the substep's mass matrix without touches has been factorised.
-    pub(super) plain: bool,
+    pub(super) factorised: bool,
     /// Torques of the joints' springs at the middle of the substep.
     pub(super) pull: Vec<f64>,
     /// Whether contacts and limits have theta 1/2 (springs 1/4) in any substep: too stiff a spring then rings, but
@@ -41,9 +41,9 @@ pub(super) struct Touches {
     pub(super) middle: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) right: Vec<f64>,
-    /// Columns of the Jacobian of a contact's point, and of a joint.
-    pub(super) rows: Vec<Vector3<f64>>,
-    pub(super) alone: Vec<SVector<f64, 1>>,
+    /// By DoF: columns of the Jacobian of a contact's point, and of a joint.
+    pub(super) point_columns: Vec<Vector3<f64>>,
+    pub(super) joint_column: Vec<SVector<f64, 1>>,
     /// Coordinates at the substep's start.
     pub(super) before: Vec<f64>,
 }
@@ -65,15 +65,15 @@ impl Touches {
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],
-            rows: vec![Vector3::zeros(); nv],
-            alone: vec![SVector::zeros(); nv],
+            point_columns: vec![Vector3::zeros(); nv],
+            joint_column: vec![SVector::zeros(); nv],
             before: vec![0.0; robot.nq()],
             ..Self::default()
         }
     }
 
     /// Adds the contacts' forces, times `share`, to the forces on their points.
-    pub(super) fn tell(&self, share: f64, forces: &mut [Vector3<f64>]) {
+    pub(super) fn add_forces(&self, share: f64, forces: &mut [Vector3<f64>]) {
         for touch in &self.touches {
             if let Touch::Contact(contact) = touch {
                 forces[contact.point] += contact.force * share;
@@ -82,7 +82,7 @@ impl Touches {
     }
 
     /// Stores the contacts' wrenches, which friction holds with in the next substep.
-    pub(super) fn hold(&mut self) {
+    pub(super) fn keep_wrenches(&mut self) {
         for touch in &self.touches {
             if let Touch::Contact(contact) = touch {
                 self.slides[contact.index].1 = contact.wrench();
@@ -91,7 +91,7 @@ impl Touches {
     }
 
     /// Adds the drives' work over a substep that begins at velocities `qd`.
-    pub(super) fn drive(&mut self, dofs: usize, h: f64, qd: &[f64]) {
+    pub(super) fn add_work(&mut self, dofs: usize, h: f64, qd: &[f64]) {
         for touch in &self.touches {
             let Touch::Drive { spring, held, .. } = touch else { continue };
             let change = h * self.rate[dofs + spring.joint];
@@ -104,7 +104,7 @@ impl Touches {
     /// Begins a frame, with room for every point to touch every collider.
     pub(super) fn begin(&mut self, robot: &Robot, scene: &Scene) {
         let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
-        self.shared = 0.0;
+        self.damped_h = 0.0;
         self.weights.clear();
         self.weights.resize(pairs + 2 * joints, None);
         self.slides.clear();

@@ -61,7 +61,7 @@ impl Workspace {
         }
         for (i, joint) in robot.joints().enumerate() {
             let mut w = 0.0;
-            if Damped::weighed(joint, h, self.stiff.bounds.least[i]) && factor(self) {
+            if Damped::needs_inv_mass(joint, h, self.stiff.bounds.least[i]) && factor(self) {
                 let response = self.push(robot, &Pushed::Joint(i));
                 w = response[robot.root_dofs() + i];
                 let [(by_damping_used, by_share), _] = Damped::gradients(joint, h, w);

@@ -15,7 +15,7 @@ pub use numbers::numbers;
 use row::Row;
 use stage::Place;
 
-use super::{config::Settings, kept::Step, memory::Memory, spin::stand, workspace::Workspace};
+use super::{config::Settings, kept::Step, memory::Memory, spin::kinematics_about_com, workspace::Workspace};
 use crate::drive::servos_back;
 use crate::prelude::*;
 use crate::solver::Gradients;
@@ -97,7 +97,7 @@ impl Workspace {
             let (before, h) = (&steps[..number], step.h);
             let Some(last) = step.stages.last() else { continue };
             let end: Vec<f64> = step.qd.iter().zip(&last.rate).map(|(v, a)| v + h * a).collect();
-            stand(robot, &step.q, &mut self.data);
+            kinematics_about_com(robot, &step.q, &mut self.data);
             crba(robot, &mut self.data);
             motions(robot, &step.qd, &self.data, &mut memory.starts);
             let mut after: Vec<Vec<f64>> = Vec::new();
