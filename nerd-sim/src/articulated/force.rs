@@ -1,4 +1,4 @@
-//! The compliant contact model of the reference simulator.
+//! The compliant contact model of the reference simulator, which the paper's authors used.
 //!
 //! A contact point of radius r has the gap `g = n . (x - p1)` with `x = p0 - r n`, and acts for `g < 0`. The body moves
 //! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is
