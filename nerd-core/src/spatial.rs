@@ -10,7 +10,7 @@ use std::ops::{Add, AddAssign, Mul, Sub};
 
 use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, UnitVector3, Vector3, Vector6};
 
-/// A twist or a spatial acceleration: angular part (rad/s), linear part at the origin (m/s).
+/// A twist (rad/s, m/s) or a spatial acceleration (rad/s^2, m/s^2): angular part, then linear part at the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Angular part.

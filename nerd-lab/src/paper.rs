@@ -1,14 +1,16 @@
-//! Published figures, for comparison. Source: paper, appendix Table A.2 (double pendulum, 2048 starts, 100 steps, mean
-//! joint-angle error in rad). Cartpole (1000 steps), Ant (500 steps: root position in m, orientation in rad, joints in
-//! rad) and policy rewards are from the main text.
+//! Figures published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
+//!
+//! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). The rest is from the
+//! main text: Cartpole (1000 steps), Ant (500 steps: root position in m, orientation in rad, joints in rad), rewards of
+//! policies.
 
 /// A robot's name without the suffix `-paper`.
 fn plain(robot: &str) -> &str {
     robot.strip_suffix("-paper").unwrap_or(robot)
 }
 
-/// Published mean errors by quantity ([`nerd_train::evaluate::summary`]), or `None` if nothing is published. They are
-/// of the reference simulator, so only errors of the preset `paper` compare with them.
+/// Published mean errors of the learned simulator, in the order of [`nerd_train::evaluate::summary`]; `None` if
+/// unpublished. Their truth is the reference simulator, so only errors against the preset `paper` compare with them.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (plain(robot), scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),
@@ -25,8 +27,8 @@ pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     pair.map(Vec::from)
 }
 
-/// Published mean episode rewards of policies trained in the learned simulator (three seeds, 2048 episodes each): in
-/// the truth, and in the learned simulator.
+/// Published mean episode rewards `[in the truth, in the learned simulator]`; `None` if unpublished. The policies were
+/// trained in the learned simulator, with three seeds, and played 2048 episodes each.
 pub fn policy_reward(task: &str) -> Option<[f64; 2]> {
     Some(match task {
         "cartpole-swingup" => [1212.5, 1212.6],

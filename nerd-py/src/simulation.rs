@@ -221,8 +221,8 @@ impl Simulation {
     }
 
     /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. They start at states,
-    /// float64 [n, nq + nv], or [nq + nv] for all. Without states they start at random within the robot's reset ranges.
-    /// Raises ValueError for a quaternion of zeros.
+    /// float64 [n, nq + nv], or [nq + nv] for all. Without states, environments start at random within the robot's
+    /// reset ranges. Raises ValueError for a quaternion of zeros.
     #[pyo3(signature = (mask=None, states=None))]
     fn reset(
         &self,

@@ -1,8 +1,10 @@
 //! Rolls out starts and torques from a CSV table under any solver, and writes the states to another table.
 //!
-//! A table has a header and one row per trajectory and step. Columns: `traj, step`, the state (`state_columns`; rad, m,
-//! rad/s, m/s; read at step 0 only), and for a driven robot all torques (N m or N). Torques are held constant from a
-//! row's step to the next. Columns are found by name; others are ignored.
+//! A table has a header and one row per trajectory and step. Columns are found by name; other columns are ignored:
+//!
+//! * `traj` and `step`: numbers of the trajectory and of the step.
+//! * The state, named by `state_columns` (rad, m, rad/s, m/s). It is read at step 0 only.
+//! * All torques, named by `torque_columns` (N m or N), or none. A row's torques are constant until the next step.
 //!
 //! ```no_run
 //! use nerd_sim::{prelude::*, rollout::States};
@@ -35,14 +37,14 @@ pub enum RolloutError {
     Write(#[from] csv::Error),
 }
 
-/// Content of a table.
+/// Starts and torques that were read from a table.
 #[derive(Clone, Debug)]
 pub struct States {
     /// Path of the table.
     pub path: PathBuf,
-    /// Trajectories by number.
+    /// Trajectories by their number in the column `traj`.
     pub trajectories: BTreeMap<u64, Trajectory>,
-    /// Whether the table has torques.
+    /// Whether the table has columns of torques.
     pub driven: bool,
 }
 
@@ -51,12 +53,13 @@ pub struct States {
 pub struct Trajectory {
     /// State `[q, qd]` of step 0.
     pub start: Vec<f64>,
-    /// By step: position of its row and joint torques. The last row of a trajectory needs no torques.
+    /// By step: place of its row in the file, and the row's joint torques (N m or N), if it has any. The last row of a
+    /// trajectory needs none.
     steps: BTreeMap<usize, (Place, Option<Vec<f64>>)>,
 }
 
 impl Trajectory {
-    /// Joint torques (N m or N), held constant from `step` to the next.
+    /// Joint torques (N m or N), constant from `step` to the next; `None` if the table has none there.
     pub fn torques(&self, step: usize) -> Option<&[f64]> {
         self.steps.get(&step)?.1.as_deref()
     }
@@ -69,7 +72,8 @@ impl States {
         let columns = Columns::find(&table, system)?;
         let mut trajectories: BTreeMap<u64, Trajectory> = BTreeMap::new();
         table.rows(|row| {
-            let (id, step) = (row.whole(columns.traj, u64::MAX)?, row.whole(columns.step, FRAMES as u64)? as usize);
+            let id = row.whole(columns.traj, u64::MAX)?;
+            let step = row.whole(columns.step, FRAMES as u64)? as usize;
             let trajectory = trajectories.entry(id).or_default();
             if let Some((first, _)) = trajectory.steps.get(&step) {
                 return Err(row.wrong(&format!(": trajectory {id} has step {step} already on {first}")));
@@ -80,8 +84,8 @@ impl States {
                     row.unit(&columns.states[3..7], &trajectory.start[3..7])?;
                 }
             }
-            let given = columns.torques.iter().any(|&c| !row.empty(c));
-            let torques = given.then(|| row.numbers(&columns.torques)).transpose()?;
+            let has_torques = columns.torques.iter().any(|&c| !row.empty(c));
+            let torques = has_torques.then(|| row.numbers(&columns.torques)).transpose()?;
             trajectory.steps.insert(step, (row.place, torques));
             Ok(())
         })?;
@@ -104,21 +108,22 @@ impl States {
         self.trajectories.values().map(|t| t.steps.len()).sum()
     }
 
-    /// Refuses a table with torques in some but not all of `frames` frames.
+    /// Refuses a table with columns of torques if a trajectory lacks torques at a step before `frames`.
     pub fn check(&self, frames: usize) -> Result<(), FileError> {
         for (trajectory, t) in self.trajectories.iter().filter(|_| self.driven) {
             if let Some(step) = (0..frames).find(|step| t.torques(*step).is_none()) {
-                let text =
-                    format!("trajectory {trajectory} has no torques at step {step}, {frames} steps were asked for");
+                let text = format!(
+                    "trajectory {trajectory} has no torques at step {step}; a rollout of {frames} frames needs them"
+                );
                 return Err(FileError::new(&self.path, text));
             }
         }
         Ok(())
     }
 
-    /// Rolls out all trajectories in `scene`, one environment each in order of their numbers. Returns the table of
-    /// states: `traj, step` and the state for steps 0 to `frames`, with the digits of an f64. `progress` receives the
-    /// number of frames done.
+    /// Rolls out all trajectories in `scene`, one environment per trajectory, in order of their numbers. Returns the
+    /// table of states: `traj`, `step` and the state, for the steps 0 to `frames`, with all digits of an f64. Calls
+    /// `progress` with the number of frames done.
     pub fn roll(
         &self,
         system: &Arc<System>,
@@ -132,7 +137,7 @@ impl States {
         let mut batch = Batch::new(system, scene, n);
         self.trajectories.values().enumerate().for_each(|(env, t)| batch.reset(env, &t.start));
         let mut table = csv::Writer::from_writer(Vec::new());
-        table.write_record(["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)))?;
+        table.write_record(header(system))?;
         let mut write = |step: usize, batch: &Batch| {
             self.trajectories.keys().enumerate().try_for_each(|(env, id)| {
                 let state = batch.state(env).iter().map(f64::to_string);
@@ -155,23 +160,28 @@ impl States {
     }
 }
 
+/// Columns of a table of states.
+fn header(system: &System) -> Vec<&str> {
+    ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect()
+}
+
 /// Whether `table` has the form that [`States::roll`] writes for `system`: same header, all cells present, numbers in
 /// the same format, consecutive steps.
 pub fn written(table: &[u8], system: &System) -> bool {
-    let header =
-        ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect::<Vec<_>>();
-    let (mut reader, mut last) = (csv::Reader::from_reader(table), 0);
-    let same = reader.headers().is_ok_and(|found| *found == header);
-    let row = |row: Result<csv::StringRecord, csv::Error>| {
+    let mut reader = csv::Reader::from_reader(table);
+    let same_header = reader.headers().is_ok_and(|found| *found == header(system));
+    let mut last = 0;
+    let same_form = |row: Result<csv::StringRecord, csv::Error>| {
         let Ok(row) = row else { return false };
         let step =
             row.get(1).and_then(|step| step.parse::<usize>().ok()).filter(|step| *step == last || *step == last + 1);
         last = step.unwrap_or(last);
         step.is_some() && row.iter().skip(2).all(|cell| cell.parse::<f64>().is_ok_and(|x| x.to_string() == cell))
     };
-    same && reader.records().all(row) && last > 0
+    same_header && reader.records().all(same_form) && last > 0
 }
 
+/// Indices of columns in a table of starts and torques; `torques` is empty without columns of torques.
 struct Columns {
     traj: usize,
     step: usize,
@@ -182,29 +192,31 @@ struct Columns {
 impl Columns {
     fn find(table: &Table, system: &System) -> Result<Self, FileError> {
         let (states, torques) = (&system.spec.state_columns, &system.spec.torque_columns);
-        let there: Vec<&str> = table.names.iter().map(String::as_str).collect();
-        if let Some(name) = twice(there.iter().copied().filter(|name| !name.is_empty())) {
+        let names: Vec<&str> = table.names.iter().map(String::as_str).collect();
+        if let Some(name) = twice(names.iter().copied().filter(|name| !name.is_empty())) {
             return Err(table.wrong(format!("line 1: column `{name}` appears twice")));
         }
-        let needed = |name: &str| {
-            there.iter().position(|h| *h == name).ok_or_else(|| {
-                let (there, states, driving) = (there.join(", "), states.join(", "), torques.join(", "));
+        let index = |name: &str| {
+            names.iter().position(|found| *found == name).ok_or_else(|| {
+                let [names, states, torques] = [names.join(", "), states.join(", "), torques.join(", ")];
                 table.wrong(format!(
-                    "line 1: no column `{name}`; there are {there}; needed are traj, step, {states} and, for torques, {driving}"
+                    "line 1: no column `{name}`; there are {names}; \
+                     needed are traj, step, {states} and, for torques, {torques}"
                 ))
             })
         };
-        let given = |name: &&&str| {
-            torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name)
+        // A column of torques, by its full name or misspelled.
+        let means_torque = |name: &&str| {
+            torques.iter().any(|t| t == *name) || name.starts_with("tau") && !states.iter().any(|s| s == *name)
         };
-        // All torque columns or none: a misspelled column would be ignored silently.
-        let driven = there.iter().any(|name| given(&name));
+        // One column of torques requires all, or a misspelled one would be ignored silently.
+        let driven = names.iter().any(means_torque);
         Ok(Self {
-            traj: needed("traj")?,
-            step: needed("step")?,
-            states: states.iter().map(|name| needed(name)).collect::<Result<_, _>>()?,
+            traj: index("traj")?,
+            step: index("step")?,
+            states: states.iter().map(|name| index(name)).collect::<Result<_, _>>()?,
             torques: if driven {
-                torques.iter().map(|name| needed(name)).collect::<Result<_, _>>()?
+                torques.iter().map(|name| index(name)).collect::<Result<_, _>>()?
             } else {
                 Vec::new()
             },

@@ -102,7 +102,7 @@ fn tasks() -> Result<Table> {
             .map(|n| n.to_string());
         rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
-    // Sizes depend on the robot.
+    // The sizes of a task for any robot depend on the robot, so the table has `-` for them.
     rows.extend(
         general()
             .into_iter()

@@ -1,9 +1,10 @@
-//! A hand-written solver in the stability suite:
-//! `cargo run --release --manifest-path examples/Cargo.toml -p sim-only`, or with words of rows behind `--`.
+//! Runs the stability suite on a hand-written solver:
+//! `cargo run --release --manifest-path examples/Cargo.toml -p sim-only`.
+//! Words after `--` select the rows with such a word in their names.
 //!
 //! The solver is semi-implicit Euler over nerd-core's articulated-body algorithm, without contact, joint limits or
-//! damping. Flight and swinging come out right to first order; bodies fall through whatever they touch. The suite shows
-//! both.
+//! damping. Flight and swinging have errors of first order in the substep; bodies fall through whatever they touch. The
+//! suite shows both.
 
 use std::sync::Arc;
 
@@ -11,15 +12,18 @@ use nerd_sim::prelude::*;
 use nerd_sim::solver::{check, commit};
 use nerd_suite::{Method, Suite};
 
-/// The number of equal substeps a frame.
+/// Semi-implicit Euler with this number of equal substeps in a frame.
 struct Euler(usize);
 
 impl Solver for Euler {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        let (mut next, mut faults) = (batch.states.clone(), Vec::new());
+        let mut faults = Vec::new();
         check(batch, torques, &mut faults)?;
-        let (system, h) = (batch.system.clone(), batch.system.frame_time / self.0 as f64);
-        let (robot, mut data) = (&system.robot, Data::new(&system.robot));
+        let mut next = batch.states.clone();
+        let system = batch.system.clone();
+        let robot = &system.robot;
+        let mut data = Data::new(robot);
+        let h = system.frame_time / self.0 as f64; // a substep (s)
         for (env, state) in next.chunks_exact_mut(robot.state_dim()).enumerate() {
             let mut tau = vec![0.0; robot.root_dofs()];
             tau.extend(&torques[env * robot.joint_count()..][..robot.joint_count()]);
@@ -36,13 +40,15 @@ impl Solver for Euler {
 }
 
 fn main() {
-    let own = |substeps: usize| move |_: &Arc<System>| Box::new(Euler(substeps)) as Box<dyn Solver>;
-    let ours = |_: &Arc<System>| {
+    let euler = |substeps: usize| move |_: &Arc<System>| Box::new(Euler(substeps)) as Box<dyn Solver>;
+    let articulated = |_: &Arc<System>| {
         Box::new(Articulated::new(ArticulatedConfig::converged(Friction::Coulomb))) as Box<dyn Solver>
     };
-    let euler =
-        [4, 64].map(|substeps| Method::new(format!("Euler x{substeps}"), own(substeps)).finer(own(4 * substeps)));
-    let methods = euler.into_iter().chain([Method::new("articulated", ours)]).collect::<Vec<_>>();
+    let mut methods = Vec::new();
+    for substeps in [4, 64] {
+        methods.push(Method::new(format!("Euler x{substeps}"), euler(substeps)).finer(euler(4 * substeps)));
+    }
+    methods.push(Method::new("articulated", articulated));
     let words: Vec<String> = std::env::args().skip(1).collect();
     let suite = Suite::new().only(&words).unwrap_or_else(|error| {
         eprintln!("{error}");

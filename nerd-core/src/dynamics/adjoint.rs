@@ -16,7 +16,7 @@ pub(super) fn drag(robot: &Robot, v: &Motion, x: &Vector3<f64>) -> Wrench {
     Wrench::force_at(v.at(x) * d, x) + Wrench::new(v.ang * d, Vector3::zeros())
 }
 
-/// Link motions `J_i x` into `out[link]`, for DoF rates `rates[nv]`. Needs `kinematics`.
+/// Writes the motion `J_i x` of each link i to `out[link]`, for the DoF rates x = `rates[nv]`. Needs `kinematics`.
 #[inline]
 pub fn motions(robot: &Robot, rates: &[f64], data: &Data, out: &mut [Motion]) {
     for (i, link) in robot.links.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Motions for replays, in the truth and in the learned simulator: passive, driven as in the data, or under a policy.
+//! Replays of motions, each in a model and in its truth: passive, driven as in the data, or under a policy.
 
 use nerd_model::solver::learned;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
@@ -9,19 +9,20 @@ use nerd_train::shipped::{model, policies};
 
 use crate::{prelude::*, roll::begun};
 
-/// Seed of motions that no data set uses.
+/// Seed that no data set uses, so no model has learned its motions.
 const UNSEEN: u64 = 500;
 
-/// A model as a solver, and its truth, with their names.
-fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
+/// Names and solvers of a model and of its truth.
+fn model_and_truth(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
     let truth = ModelConfig::truth_of(model)?;
     let model = learned(Model::load(model, system, None)?, system)?;
     Ok([("NeRD".into(), model), (format!("the truth, {}", truth.name()), truth.solver(system))])
 }
 
+/// What moves the robot of a replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Passive motion in this scene.
+    /// Nothing: passive motion in this scene.
     Release(&'static str),
     /// Torques, start and scene drawn as for the training data, from the seed `UNSEEN`.
     Data,
@@ -29,7 +30,7 @@ pub enum Cause {
     Policy(&'static str),
 }
 
-/// A shipped robot, or the robot of a policy's task, in its model and in the truth.
+/// Replays a shipped robot, in its shipped model and in the truth. A `Cause::Policy` ignores `robot`: its task has one.
 pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     match cause {
         Cause::Release(scene) => passive(robot, scene, &model(Truth::default(), robot), frames, 3),
@@ -45,34 +46,31 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     }
 }
 
-/// Passive motion of a model's robot from its reset distribution, and the truth's from the same start.
+/// Replays the passive motions in a model and in its truth from one start, drawn from the robot's reset ranges.
 pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let batch = begun(&system, &system.scene(scene)?, 1, Start::Reset, seed);
     let title = format!("{} in {}", system.name, batch.scenes[0].name);
-    beside(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
+    side_by_side(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
 }
 
-/// The first motion that [`begin`] and [`record`] draw from this seed: start, scene and torques as in a model's data.
+/// Replays a motion in a model and in its truth, driven as in the model's data. Start and scene are the first that
+/// [`begin`] draws from `seed`, torques the first that [`record`] draws.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
     let recording = record(&system, &mut *ModelConfig::truth_of(model)?.solver(&system), &config, 0, 1)?;
-    beside(
-        &format!("{}, moved at random", system.name),
-        &begin(&system, &config, 0, 1)?,
-        model,
-        &recording.torques,
-        frames,
-    )
+    let title = format!("{}, moved at random", system.name);
+    let batch = begin(&system, &config, 0, 1)?;
+    side_by_side(&title, &batch, model, &recording.torques, frames)
 }
 
-/// Rolls out the model and its truth from one start under torques `[frame][joint]`.
-fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
+/// Rolls out a model and its truth from one start, under `torques[frame][joint]` (N m or N).
+fn side_by_side(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
     let system = &start.system;
     let mut replay = Replay::new(title, start, system.frame_time);
     let joints = system.robot.joint_count();
-    for (name, solver) in both(system, model)? {
+    for (name, solver) in model_and_truth(system, model)? {
         let mut simulation = Simulation { batch: start.clone(), solver };
         replay.begin(&name);
         for frame in 0..frames {
@@ -84,19 +82,19 @@ fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usi
     Ok(replay)
 }
 
-/// The first steps of an episode under a policy's mean actions, in a model and in its truth.
+/// Replays the first `steps` steps of an episode under a policy's mean actions, in a model and in its truth.
 pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);
     let system = named(&config.task)?.system()?;
     let mut replay: Option<Replay> = None;
-    for (name, solver) in both(&system, model)? {
+    for (name, solver) in model_and_truth(&system, model)? {
         let task = named(&config.task)?;
-        let (batch, dt) =
-            (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
+        let batch = Batch::new(&system, &system.scene(task.scene())?, 1);
+        let dt = system.frame_time * task.frames() as f64;
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
         replay::record(replay, &name, &actor, &mut episodes, steps)?;
     }
-    Ok(replay.unwrap_or_else(|| unreachable!("two solvers were played")))
+    Ok(replay.unwrap_or_else(|| unreachable!("a model and its truth make two tracks")))
 }

@@ -1,4 +1,4 @@
-//! Draws a [`Figure`] as SVG: title, panels in a grid, one legend below.
+//! Draws a [`Figure`] as SVG: a title, panels in a grid, and one legend below them.
 
 use std::ops::Range;
 
@@ -7,11 +7,14 @@ use plotters::{coord::Shift, prelude::*};
 
 use crate::prelude::*;
 
-/// Heights of the title and of a legend line (px).
+/// Height of the title (px).
 const TITLE: u32 = 34;
+/// Height of a line in the legend (px).
 const LEGEND_LINE: u32 = 22;
+/// Font of axes, levels and legend, with its size (px).
 const FONT: (&str, i32) = ("sans-serif", 13);
-/// Okabe and Ito's colours, distinguishable with colour blindness, and two more for the eighth and ninth series.
+/// Colours of named series in order: Okabe and Ito's without yellow, distinguishable with colour blindness, and a grey
+/// and a brown.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -23,7 +26,7 @@ const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 0, 0),
     RGBColor(120, 60, 20),
 ];
-
+/// Colour of series without a name.
 const UNNAMED: RGBColor = RGBColor(190, 190, 190);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -38,13 +41,14 @@ impl Figure {
     pub fn svg(&self) -> Result<String> {
         let columns = self.columns.clamp(1, self.panels.len().max(1));
         let rows = self.panels.len().div_ceil(columns);
-        // Size of one panel (px).
-        let (width, height) = if self.panels.len() == 1 { (1000, 560) } else { (1200 / columns as u32, 280) };
-        let (width, height) = (width * columns as u32, height * rows as u32);
+        // Sizes of one panel and of all panels (px).
+        let (panel_width, panel_height) =
+            if self.panels.len() == 1 { (1000, 560) } else { (1200 / columns as u32, 280) };
+        let (width, height) = (panel_width * columns as u32, panel_height * rows as u32);
         let names = self.names();
-        let legend = names.len().div_ceil(2) as u32 * LEGEND_LINE + 10;
+        let legend_height = names.len().div_ceil(2) as u32 * LEGEND_LINE + 10;
         let mut svg = String::new();
-        let area = SVGBackend::with_string(&mut svg, (width, TITLE + height + legend)).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, (width, TITLE + height + legend_height)).into_drawing_area();
         let draw = || -> Drawn {
             area.fill(&WHITE)?;
             let (title, below) = area.split_vertically(TITLE);
@@ -64,7 +68,7 @@ impl Figure {
     }
 }
 
-/// Series names in two columns.
+/// Draws the series names in two columns, over `width` (px).
 fn draw_legend(area: &Area, names: &[&str], width: u32) -> Drawn {
     let lines = names.len().div_ceil(2);
     for (k, name) in names.iter().enumerate() {
@@ -75,6 +79,7 @@ fn draw_legend(area: &Area, names: &[&str], width: u32) -> Drawn {
     Ok(())
 }
 
+/// Colour of the series `name`, by its place in `names`.
 fn colour(names: &[&str], name: &str) -> RGBColor {
     names.iter().position(|n| *n == name).map_or(UNNAMED, |k| COLOURS[k % COLOURS.len()])
 }
@@ -93,7 +98,8 @@ impl Panel {
         }
     }
 
-    /// Draws axes, levels over the range `x`, and series, in the coordinates `across` and `up`.
+    /// Draws axes, levels and series. `across` and `up`: scales of the axes, linear or logarithmic. `x`: range of the
+    /// horizontal axis, over which a level is drawn.
     fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, x: Range<f64>) -> Drawn
     where
         X: AsRangedCoord<Value = f64>,
@@ -104,7 +110,8 @@ impl Panel {
         let mut builder = ChartBuilder::on(area);
         builder.margin(10).x_label_area_size(38).y_label_area_size(64);
         let mut chart = builder.build_cartesian_2d(across, up)?;
-        let (tick_x, tick_y) = (|v: &f64| self.x.tick(*v), |v: &f64| self.y.tick(*v));
+        let tick_x = |v: &f64| self.x.tick(*v);
+        let tick_y = |v: &f64| self.y.tick(*v);
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(&self.x.label)
             .y_desc(&self.y.label)

@@ -46,7 +46,7 @@ pub enum Op {
     /// `y = softmax(q k^T / sqrt(d) + M) v` by heads of width d, with `x = [q k v]`; M is 0 for visible tokens and -inf
     /// for others.
     Attend {
-        /// Number of heads, equal parts of q, k and v.
+        /// Number of heads. Each head has an equal part of the columns of q, k and v.
         heads: usize,
         /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: all tokens of the
         /// window up to itself, without rotation.

@@ -138,8 +138,8 @@ impl Workspace {
         Ok(true)
     }
 
-    /// Classical Runge-Kutta over (q, qd), with the pose's rate from the velocity; the quaternion is normalised at the
-    /// end. `false` if a joint was too stiff.
+    /// Steps (q, qd) by classical Runge-Kutta with the derivatives of [`rate`], then normalises a floating root's
+    /// quaternion. `false` if a joint was too stiff.
     fn runge_kutta(&mut self, asked: &Asked, state: &mut [f64], dt: f64) -> Result<bool, String> {
         let robot = &asked.system.robot;
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! The compliant contact model of the reference simulator.
+//! The compliant contact model of the reference simulator, which the paper's authors used.
 //!
 //! Explicit substeps apply [`force`], and self-collision its law. In implicit substeps friction with the scene sticks:
 //! `touch.rs` and `stick.rs` use only [`drag`].

@@ -55,7 +55,7 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// Steps a frame; repeats it with more substeps until it gains no energy.
+    /// Steps a frame. While the frame gains energy or its state is lost, steps it again with more substeps.
     fn watched(
         &mut self,
         system: &System,

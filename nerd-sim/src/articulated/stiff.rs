@@ -3,9 +3,9 @@
 //! A damper d and a spring k at joint i change its velocity within a substep by `h (d + h k) w` times itself. Here
 //! `1 / w = 1 / (M^-1)_ii` is the joint's own inertia, and r the spectral radius of `S^1/2 M^-1 S^1/2`,
 //! `S_i = h (2 d + h k)`. Symplectic Euler is stable for r < 4, Runge-Kutta for r < 5.5. For r < 2 a lone damper does
-//! not overshoot under symplectic Euler, and has 2 % error under Runge-Kutta. The trace bounds the radius, and the
-//! radius of all joints bounds any subset's. So it is seldom computed. A frame with too stiff a force is stepped
-//! implicitly instead.
+//! not overshoot under symplectic Euler. Under Runge-Kutta its velocity after a substep is within 2 % of the exact one.
+//! The trace bounds the radius, and the radius of all joints bounds any subset's. So the radius is seldom computed. A
+//! frame with too stiff a force is stepped implicitly instead.
 //!
 //! Friction's drag c is bounded by Coulomb's law, so it never diverges. But where `h c w` is large, with `1 / w` the
 //! point's inertia, it trembles about rest and a standing robot creeps. Such a frame, too, is stepped implicitly.

@@ -38,7 +38,7 @@ pub struct Collider {
     pub ball: (Vector3<f64>, f64),
     /// Faces of the shape if it is a convex hull.
     pub hull: Option<Hull>,
-    /// Surface number of the collider's geom, if it comes from the robot's file.
+    /// Surface number of the geom that made this collider; `None` unless the robot's file has that geom.
     pub surface: Option<usize>,
     /// Whether the material is set by the scene.
     pub stated: bool,

@@ -54,8 +54,8 @@ pub struct Back {
     pub rows: usize,
     /// Input: gradients with respect to the next states, in their tangent space.
     pub grad_next: u64,
-    /// Output: gradients with respect to the states; may be the memory of `grad_next`. Zero where an environment's
-    /// frame fails.
+    /// Output: gradients with respect to the states before the frame. May equal `grad_next`, whose memory is then
+    /// overwritten. Zero where an environment's frame fails.
     pub by_states: u64,
     /// Output: gradients with respect to torques.
     pub by_torques: u64,

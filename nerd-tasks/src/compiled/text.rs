@@ -46,7 +46,7 @@ fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
 }
 
 impl Tape {
-    /// The lines, and whether they use kinematics or distances.
+    /// The nodes as lines of C, and whether these use kinematics or distances.
     fn lines(&self) -> (String, bool) {
         let (mut text, mut asks) = (String::new(), false);
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");

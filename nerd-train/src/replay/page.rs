@@ -4,7 +4,7 @@
 use nalgebra::Point3;
 use nerd_core::dynamics::link_pose;
 
-use super::solids::{Solid, isometry, numbers, rounded, solids, standing};
+use super::solids::{Solid, isometry, numbers, rounded, scene_solid, solids};
 use crate::prelude::*;
 
 /// The renderer: a function `replay(element, data)`.
@@ -89,7 +89,7 @@ impl Replay {
             up: up.into(),
             planes: scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect(),
             grounds: scene.colliders.iter().filter_map(Ground::of).collect(),
-            shapes: solids(system).into_iter().chain(scene.colliders.iter().filter_map(standing)).collect(),
+            shapes: solids(system).into_iter().chain(scene.colliders.iter().filter_map(scene_solid)).collect(),
             ..Self::default()
         }
     }

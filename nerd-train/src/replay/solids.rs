@@ -8,28 +8,28 @@ use nerd_sim::system::{Geometry, Source};
 
 use crate::prelude::*;
 
-/// Radius of a bone (a capsule in place of a bare link), relative to its length.
-const THICK: f64 = 0.08;
+/// Radius of a bone relative to its length. A bone is a capsule, drawn for a link without visual shapes.
+const BONE_RADIUS: f64 = 0.08;
 /// Hue of a cable (degrees).
-const CABLE: f64 = 20.0;
+const CABLE_HUE: f64 = 20.0;
 
-/// Vertices and triangles.
+/// Vertices (m), and triangles as indices of vertices.
 pub type Surface = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
 /// A shape on a link, or in the scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Solid {
-    /// The link that the shape is fixed on; none in the scene.
+    /// Index of the link that the shape is fixed to; `None` for a shape of the scene.
     pub link: Option<usize>,
     /// Hue (degrees).
     pub hue: f64,
-    /// Pose on the link, or in the world.
+    /// Pose in the link's axes, or a scene's shape in world axes: position (m), then quaternion x y z w.
     pub pose: [f32; 7],
     /// `box`, `sphere`, `cylinder` or `capsule` (along z), or `hull`.
     pub kind: &'static str,
-    /// Half edges of a box or of a hull's bounding box; else radius and half length.
+    /// Half edges (m) of a box or of a hull's bounding box. Otherwise radius and half length (m), 0 for a sphere.
     pub size: Vec<f64>,
-    /// Vertices (m) and triangles of a hull, counter-clockwise from outside.
+    /// Surface of a hull about the centre of its bounding box; triangles are counter-clockwise from outside.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hull: Option<Surface>,
 }
@@ -50,24 +50,21 @@ impl Solid {
     }
 }
 
-/// Visual shapes of the links, or bones in their place.
+/// Visual shapes of the links. A link without any gets bones.
 pub(super) fn solids(system: &System) -> Vec<Solid> {
     let mut all: Vec<_> = system
         .visuals()
         .into_iter()
-        .map(|own| match own.geometry {
-            Geometry::Shape(kind) => Solid::primitive(own.link, &own.pose, kind),
+        .map(|visual| match visual.geometry {
+            Geometry::Shape(kind) => Solid::primitive(visual.link, &visual.pose, kind),
             Geometry::Hull(corners, triangles) => {
                 let [low, high] = corners.iter().fold([corners[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
                 let middle = 0.5 * (low + high);
+                let half = 0.5 * (high - low);
+                let pose = visual.pose * Translation3::from(middle);
                 let corners = corners.iter().map(|p| (p - middle).data.0[0].map(rounded)).collect();
-                let around = Solid::new(
-                    own.link,
-                    &(own.pose * Translation3::from(middle)),
-                    "hull",
-                    (0.5 * (high - low)).as_slice().to_vec(),
-                );
-                Solid { hull: Some((corners, triangles)), ..around }
+                let solid = Solid::new(visual.link, &pose, "hull", half.as_slice().to_vec());
+                Solid { hull: Some((corners, triangles)), ..solid }
             }
         })
         .collect();
@@ -76,57 +73,61 @@ pub(super) fn solids(system: &System) -> Vec<Solid> {
     all
 }
 
-/// The scene's shapes other than planes and meshes.
-pub(super) fn standing(body: &Collider) -> Option<Solid> {
-    // Parry's cylinders lie along y.
-    let turned = body.pose * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
-    let shape = &body.shape;
+/// Shape of a scene's collider; `None` unless it is a sphere, a box or a cylinder.
+pub(super) fn scene_solid(collider: &Collider) -> Option<Solid> {
+    let shape = &collider.shape;
     let (kind, pose) = if let Some(ball) = shape.as_ball() {
-        (ShapeKind::Sphere { radius: ball.radius }, body.pose)
+        (ShapeKind::Sphere { radius: ball.radius }, collider.pose)
     } else if let Some(cuboid) = shape.as_cuboid() {
         let half = cuboid.half_extents;
-        (ShapeKind::Box { half: Vector3::new(half.x, half.y, half.z) }, body.pose)
+        (ShapeKind::Box { half: Vector3::new(half.x, half.y, half.z) }, collider.pose)
     } else {
         let cylinder = shape.as_cylinder()?;
-        (ShapeKind::Cylinder { radius: cylinder.radius, half_length: cylinder.half_height }, turned)
+        // Parry's cylinders lie along y, a solid's along z.
+        let z_to_y = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+        let kind = ShapeKind::Cylinder { radius: cylinder.radius, half_length: cylinder.half_height };
+        (kind, collider.pose * z_to_y)
     };
     Some(Solid::primitive(None, &pose, kind))
 }
 
-/// Bones for links without visuals: from a link's joint to the joints of its children, and to the mean of its contact
-/// points. Without either, a cube with the link's inertia.
-fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
-    let (robot, cable) = (&system.robot, system.source == Source::Cable);
-    let bare = (0..robot.links.len()).filter(|link| seen.iter().all(|solid| solid.link != Some(*link)));
+/// Bones for the links without a shape in `visuals`. A link's bones start at its joint; they end at its children's
+/// joints and at the mean of its contact points. A link without such ends gets a cube of its mass and inertia.
+fn bones(system: &System, visuals: &[Solid]) -> Vec<Solid> {
+    let robot = &system.robot;
+    let cable = system.source == Source::Cable;
+    let bare = (0..robot.links.len()).filter(|link| visuals.iter().all(|solid| solid.link != Some(*link)));
+    // Ends (m) in the link's axes, at least a millimetre from its joint.
     let ends = |link: usize| {
-        let next = robot.links.iter().filter(move |child| child.parent == Some(link));
-        let next = next.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));
-        let own = robot.contact_points.iter().filter(|p| p.link == link).map(|p| p.local);
-        let own: Vec<Vector3<f64>> = own.filter(|p| p.norm() > 1e-3).collect();
-        let middle = own.iter().sum::<Vector3<f64>>() / own.len().max(1) as f64;
+        let children = robot.links.iter().filter(move |child| child.parent == Some(link));
+        let joints = children.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));
+        let points = robot.contact_points.iter().filter(|p| p.link == link).map(|p| p.local);
+        let points: Vec<Vector3<f64>> = points.filter(|p| p.norm() > 1e-3).collect();
+        let middle = points.iter().sum::<Vector3<f64>>() / points.len().max(1) as f64;
         let mut ends: Vec<_> =
-            next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect();
+            joints.chain((!points.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect();
         ends.dedup_by(|a, b| (*a - *b).norm() < 1e-6);
         ends
     };
     let bone = |link: usize, end: Vector3<f64>| {
         let pose = Isometry3::from_parts((0.5 * end).into(), rotation_from(&Vector3::z_axis(), &end));
-        // A cable has the radius of its contact points, and one colour.
-        let round = robot.contact_points.iter().find(|p| cable && p.link == link).map(|p| p.radius);
-        let (radius, hue) = (round.unwrap_or(THICK * end.norm()), if cable { CABLE } else { hue(link) });
+        // A cable has the radius of its contact points, and one hue.
+        let cable_radius = robot.contact_points.iter().find(|p| cable && p.link == link).map(|p| p.radius);
+        let radius = cable_radius.unwrap_or(BONE_RADIUS * end.norm());
+        let hue = if cable { CABLE_HUE } else { hue(link) };
         Solid { hue, ..Solid::new(Some(link), &pose, "capsule", vec![radius, 0.5 * end.norm()]) }
     };
-    let lump = |link: usize| {
+    let cube = |link: usize| {
         let inertia = &robot.links[link].inertia;
         let half = (0.5 * inertia.inertia.trace() / inertia.mass).sqrt();
         let pose = Isometry3::from_parts(inertia.com.into(), UnitQuaternion::identity());
         (inertia.mass > 0.0 && half > 1e-3).then(|| Solid::new(Some(link), &pose, "box", vec![half; 3]))
     };
-    let of = |link: usize| match &ends(link)[..] {
-        [] => lump(link).into_iter().collect(),
+    let bones_or_cube = |link: usize| match &ends(link)[..] {
+        [] => cube(link).into_iter().collect(),
         ends => ends.iter().map(|end| bone(link, *end)).collect::<Vec<_>>(),
     };
-    bare.flat_map(of).collect()
+    bare.flat_map(bones_or_cube).collect()
 }
 
 /// Hue of a link (degrees); neighbouring links get distant hues.
@@ -134,18 +135,18 @@ fn hue(link: usize) -> f64 {
     (210.0 + 137.5 * link as f64) % 360.0
 }
 
-/// Position, then quaternion x y z w.
+/// A pose as rounded numbers: position (m), then quaternion x y z w.
 pub(super) fn numbers(pose: &Isometry3<f64>) -> [f32; 7] {
     let (p, q) = (pose.translation.vector, pose.rotation.coords);
     [p.x, p.y, p.z, q.x, q.y, q.z, q.w].map(rounded)
 }
 
-/// Rounds to a tenth of a millimetre, less than a pixel.
+/// Rounds to 1e-4: a position (m) changes by less than a pixel.
 pub(super) fn rounded(x: f64) -> f32 {
     ((x * 1e4).round() / 1e4) as f32
 }
 
-/// The pose from [`numbers`].
+/// Inverse of [`numbers`].
 pub(super) fn isometry(pose: &[f32; 7]) -> Isometry3<f64> {
     let [x, y, z, i, j, k, w] = pose.map(f64::from);
     Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)))

@@ -7,7 +7,7 @@ use super::*;
 pub trait Body: Clone + Send + Sync {
     /// Augmentation of a motion.
     type View: Copy + Send + Sync;
-    /// State, as the network steps it.
+    /// State before or after a frame, in its motion's view.
     type State: Clone + Send + Sync;
     /// Gradient with respect to the state.
     type Slope: Clone + Send + Sync;

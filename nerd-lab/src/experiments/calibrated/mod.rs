@@ -19,7 +19,7 @@ const PLACES: usize = 9;
 const BEHIND: usize = 200;
 
 settings! {
-    /// Settings: analytic solvers calibrated to measured trajectories.
+    /// Settings of an experiment that calibrates analytic solvers to measured trajectories.
     pub struct Calibration {
         /// TOML of a log, which describes the measurements (`nerd_sim::log`). With --per-trajectory: several,
         /// comma-separated, each calibrated separately [default: nerd-sim/assets/logs/cube.log.toml]

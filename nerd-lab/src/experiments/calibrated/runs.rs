@@ -21,8 +21,9 @@ pub struct Judged {
     /// The log, and the trajectory's id there.
     pub log: String,
     pub id: u64,
-    /// Rollouts of each length; joint errors `[method][length]` (rad or m), averaged over all predicted frames.
+    /// Number of rollouts of each length.
     pub rollouts: Vec<usize>,
+    /// Joint errors `[method][length]` (rad or m), averaged over all predicted frames.
     pub errors: Vec<Vec<f64>>,
 }
 

@@ -110,7 +110,8 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     }
     inv_mass_adjoint(w, b, number, h);
     twists_back(t, kept.qd, b.starts, b.loads, b.speed);
-    // Of the root's load only the moment is a gradient; its displacement changes gaps (b.way).
+    // `gather` adds the root's load to b.pose. Only the load's moment is a gradient: a displacement of the root changes
+    // nothing but contact gaps, and b.way is its gradient.
     const V3 way = DOFS ? read3(b.pose + 3) + b.way : v3(0, 0, 0);
     gather(t, b.loads, b.pose);
     if (DOFS) write3(b.pose + 3, way);

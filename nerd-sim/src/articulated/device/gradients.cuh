@@ -22,7 +22,7 @@ FN void own_velocity(const double* state, V3& a, V3& b) {
     b = back(r, v);
 }
 
-// Gradient w.r.t. the numbers of a state => added to `gradient`, in the tangent space.
+// Converts `by`, a gradient w.r.t. the numbers of `state`, to the tangent space; adds the result to `gradient`.
 BIG void numbers_back(const double* state, const double* by, double* gradient) {
     for (int i = 0; i < NJ; i++) {
         gradient[DOFS + i] += by[COORDS + i];

@@ -14,7 +14,7 @@ struct Spin { M3 inertia; };   // of the whole robot about its centre of mass
 FN bool spins(const real* qd, real h) { return DOFS && h * norm(read3(qd)) > FAST_ROOT; }
 
 BIG Spin spin(const Tree& t) {
-    Inertia sum = none();
+    Inertia sum = zero_inertia();
     for (int i = 0; i < NL; i++) add(sum, body(t, i));
     const V3 m = sum.moment;
     const real k = 1 / sum.mass, s = k * dot(m, m);

@@ -53,7 +53,7 @@ BIG void kinematics(Tree& t) {
         V3 position = (p < 0 ? v3(0, 0, 0) : t.position[p]) + parent * read3(PLACE + 3 * i);
         const real value = (real)(t.q[COORDS + JOINT[i]] * RATIO[i] + OFFSET[i]);
         real s = 0, c = 1;
-        if (!SLIDES[i]) swing(value, s, c);
+        if (!SLIDES[i]) sine_cosine(value, s, c);
         M3 own;
         for (int k = 0; k < 9; k++) own.m[k] = turned(k, i, s, c);
         const M3 rotation = parent * own;
@@ -175,7 +175,7 @@ BIG void crba(Tree& t) {
     Inertia composite[NL];
     real here[HERE], *mass = UNROLLED ? here : t.mass;
     entries([&](int k) { mass[k] = 0; });
-    for_up<0, NL>([&](auto i) { composite[i] = none(); });
+    for_up<0, NL>([&](auto i) { composite[i] = zero_inertia(); });
     backward<DOFS ? 1 : 0, NL>([&](auto j) {
         add(composite[j], body(t, MASS_OF[j]));
         const Wrench momentum = composite[j] * t.axis[j];

@@ -220,7 +220,7 @@ impl Walk<'_> {
         )
     }
 
-    /// The gradient of a slot, summed over all its readers.
+    /// Gradient with respect to a slot of the program, summed over the steps that read it.
     fn slope(&self, slot: Slot) -> Result<Slope, DeviceError> {
         self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
     }
