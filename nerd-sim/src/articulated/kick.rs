@@ -21,6 +21,9 @@ pub(super) const OFF: f64 = 1e-3;
 /// The same after that second solve; above it the substep is halved.
 pub(super) const LOST: f64 = 1e-2;
 
+/// Most repetitions of a frame's first solve, until each damper acts on the side that it sees.
+pub(super) const SIDE_SOLVES: usize = 4;
+
 /// Settings of the solves of a substep.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
@@ -86,8 +89,10 @@ impl Workspace {
             }
             self.solve(robot, h, pass > 0)?;
             // Damping on the side of the substep's start would make the next state of a resting robot jump.
-            if first && pass == 0 && self.take_sides(h) {
+            let mut solves = if first && pass == 0 { SIDE_SOLVES } else { 0 };
+            while solves > 0 && self.take_sides(h) {
                 self.solve(robot, h, true)?;
+                solves -= 1;
             }
             let changed = self.settle(robot, h, settled, config.friction, pass);
             // The middle is not corrected by a rate found before all drives are within their bounds.

@@ -199,7 +199,8 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         // Damping on the side of the substep's start would make the next state of a resting robot jump.
-        if (correct && pass == 0 && take_sides(w, h) && !(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
+        for (int solves = correct && pass == 0 ? SIDE_SOLVES : 0; solves > 0 && take_sides(w, h); solves--)
+            if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
             // In a chain that whips, the rate of the substep before does not predict this middle.

@@ -12,7 +12,7 @@ use super::super::energy::{
 };
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
-use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
+use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED, SIDE_SOLVES};
 use super::super::spin::{FAST_ROOT, ROUND, SPIN_PASSES, SPUN_RK4};
 use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
@@ -159,6 +159,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("MAX_REFINED_TERRAIN", MAX_REFINED_TERRAIN),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
+        ("SIDE_SOLVES", SIDE_SOLVES),
         ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWERS", POWERS),
