@@ -11,11 +11,15 @@
 //!
 //! | | CPU | GPU (`device/`) |
 //! |---|---|---|
-//! | explicit substeps | `explicit.rs`, [`force`] | none |
-//! | implicit substeps: equations, thetas | `implicit.rs` | `implicit.cuh` |
+//! | explicit substeps | `explicit.rs`, [`force`] | none: `explicit.cuh` is without contact |
+//! | implicit substeps: equations | `implicit.rs` | `implicit.cuh` |
 //! | the points that touch | `find.rs` | `touch.cuh` |
-//! | force and drag; friction that sticks | `touch.rs`, `stick.rs`, `turning.rs` | `touch.cuh`, `press.cuh` |
-//! | repeated solves, which update drags | `kick.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
+//! | law of friction: a drag (N s/m) | `drag` in `force.rs`, `stick.rs` | `drag`, `breaking` in `touch.cuh` |
+//! | thetas and first drag | `set_thetas` in `touch.rs` | `set_thetas` in `implicit.cuh` |
+//! | force at this drag | `push` in `touch.rs` | `push` in `press.cuh` |
+//! | solves for accelerations | `kick.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
+//! | force and next drag, after a solve | `settle` in `touch.rs` | `update_touches` in `press.cuh` |
+//! | torsional and rolling friction | `turning.rs` | `touch.cuh`, `press.cuh`, where `TURNS` |
 //! | self-collision | `fold.rs` | `fold.cuh` |
 //! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
 //!

@@ -93,6 +93,7 @@ impl Facts {
 
     /// A built-in word; `None` if there is no such word. Words of a free root are refused on a fixed base. A new word
     /// also goes into [`Self::WORDS`] and `docs/tasks.md`; one of a free root into the list that is refused here, too.
+    /// If contracts should name its quantity, add that to `nerd-train/src/onnx/quantity.rs`.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());

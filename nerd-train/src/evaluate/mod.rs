@@ -3,7 +3,8 @@
 //! endless angles wrapped. A position law holds its target; without one there is no torque.
 //!
 //! The baseline `hold` repeats the start. Diverged rollouts are counted and stay in every mean. `tally.rs` has the
-//! sums, for these rollouts and for those against recorded motion (`pieces.rs`).
+//! sums, for these rollouts and for those against recorded motion (`pieces.rs`). A step is one frame here.
+//! `crate::verdict` compares a model's errors with those of other solvers, by the same functions.
 
 use std::fmt;
 

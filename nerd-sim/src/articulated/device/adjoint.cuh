@@ -28,10 +28,10 @@ struct Back {
     real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], across[PAIRS + 1], damping_used[NJ + 1], share[NJ + 1], drives[PULLS][2];
     Wrench loads[NL], starts[NL];
     V3 way;
-    // Gradients w.r.t. contact forces (torques: turn_offset, winds) at a stage's end (held) and start (holds).
+    // Gradients w.r.t. contact forces and torques at a stage's end (held) and start (holds).
     V3 held[PAIRS + 1], holds[PAIRS + 1];
 #if TURNS
-    V3 turn_offset[PAIRS + 1], winds[PAIRS + 1];
+    V3 held_torque[PAIRS + 1], holds_torque[PAIRS + 1];
 #endif
     // Motions of links, and gradients w.r.t. them.
     Motion start[NL], acceleration[NL], virtuals[NL], quickened[NL];

@@ -11,7 +11,7 @@ struct Keeper {
         for (int k = 0; k < WEIGHTS; k++) b.since[k] = -1;
         for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
 #if TURNS
-        for (int k = 0; k < PAIRS; k++) b.turn_offset[k] = v3(0, 0, 0);
+        for (int k = 0; k < PAIRS; k++) b.held_torque[k] = v3(0, 0, 0);
 #endif
     }
     void begins(const Work& w, int number) const {
@@ -54,9 +54,10 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     for (int n = 0; n < w.points; n++) {
         const int index = w.touch[n].index;
         const real stick = STICK_DRAG / (h * most(w.slide[index], MIN_INV_MASS));
-        w.pressed[index] = number ? held(n) * stick : v3(0, 0, 0);
+        w.force_before[index] = number ? held(n) * stick : v3(0, 0, 0);
 #if TURNS
-        w.turn_offset[index] = number && n < HOLDS ? kept.turn_offset[n] * (TURN_STICK_DRAG * stick * w.touch[n].gyration) : v3(0, 0, 0);
+        const real turn_stick = TURN_STICK_DRAG * stick * w.touch[n].gyration;
+        w.torque_before[index] = number && n < HOLDS ? kept.turn_offset[n] * turn_stick : v3(0, 0, 0);
 #endif
     }
     if (!set_thetas(w, h)) return LOST;
@@ -82,14 +83,14 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
         for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
         for (int n = 0; n < w.points; n++) b.holds[w.touch[n].index] = v3(0, 0, 0);
 #if TURNS
-        for (int k = 0; k < PAIRS; k++) b.winds[k] = b.turn_offset[k];
-        for (int n = 0; n < w.points; n++) b.winds[w.touch[n].index] = v3(0, 0, 0);
+        for (int k = 0; k < PAIRS; k++) b.holds_torque[k] = b.held_torque[k];
+        for (int n = 0; n < w.points; n++) b.holds_torque[w.touch[n].index] = v3(0, 0, 0);
 #endif
     };
     const auto end_holds = [&]() {
         for (int k = 0; k < PAIRS; k++) b.held[k] = b.holds[k];
 #if TURNS
-        for (int k = 0; k < PAIRS; k++) b.turn_offset[k] = b.winds[k];
+        for (int k = 0; k < PAIRS; k++) b.held_torque[k] = b.holds_torque[k];
 #endif
     };
     const bool again = number == 0 && b.twice;

@@ -105,14 +105,14 @@ BIG bool set_thetas(Work& w, real h) {
         const real vn = dot(t.normal, t.velocity);
         // Outside its surface for a part of the substep, if the gap is positive at one end.
         if (t.gap + (real)0.5 * h * size(vn) > 0) w.may_gain_energy = true;
-        if (!t.sticky) t.damping = vn < 0 ? t.approach : t.stiffness * t.release;
+        if (!t.spring) t.damping = vn < 0 ? t.approach : t.stiffness * t.release;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
         if (n < w.points) {
             t.friction_damping = STICK_DRAG / (h * most(w.slide[t.index], MIN_INV_MASS));
-            hold(t, w.pressed[t.index]);
+            hold(t, w.force_before[t.index]);
             t.slip_offset_start = t.slip_offset;
 #if TURNS
-            wind(t, w.turn_offset[t.index]);
+            wind(t, w.torque_before[t.index]);
             t.turn_offset_start = t.turn_offset;
 #endif
         }
@@ -125,7 +125,7 @@ BIG bool set_thetas(Work& w, real h) {
         w.may_gain_energy = w.may_gain_energy || n < w.points && t.theta[0] > MEAN_THETA;
         t.theta[1] = damper_theta(h, t.damping, weight, false);
         t.theta[2] = most(1 - 1 / (h * t.drag * weight), (real)0.5);
-        if (w.mean_theta && (t.link >= 0 || t.sticky)) { t.theta[0] = MEAN_THETA; t.theta[1] = t.theta[2] = (real)0.5; }
+        if (w.mean_theta && (t.link >= 0 || t.spring)) { t.theta[0] = MEAN_THETA; t.theta[1] = t.theta[2] = (real)0.5; }
     }
     Drives& d = w.drives;
     for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) d.held[k] = 0;
@@ -240,9 +240,9 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
     keeper.begin(true, substeps);
     centre(tr, 1);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
-    for (int k = 0; k < PAIRS; k++) w.pressed[k] = v3(0, 0, 0);
+    for (int k = 0; k < PAIRS; k++) w.force_before[k] = v3(0, 0, 0);
 #if TURNS
-    for (int k = 0; k < PAIRS; k++) w.turn_offset[k] = v3(0, 0, 0);
+    for (int k = 0; k < PAIRS; k++) w.torque_before[k] = v3(0, 0, 0);
 #endif
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;
@@ -277,9 +277,9 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
         });
         keeper.ends(w, substep, h);
         for (int k = 0; k < w.points; k++) {
-            w.pressed[w.touch[k].index] = w.touch[k].force;
+            w.force_before[w.touch[k].index] = w.touch[k].force;
 #if TURNS
-            w.turn_offset[w.touch[k].index] = w.touch[k].torque;
+            w.torque_before[w.touch[k].index] = w.touch[k].torque;
 #endif
             w.touched = w.touched || !w.touch[k].parted;
         }

@@ -151,7 +151,7 @@ struct JointLaw { real by_change, by_gap, by_rate, by_weight; };
 
 FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool first, bool mean_theta) {
     JointLaw law = {0, 0, 0, 0};
-    if (!t.sticky) {
+    if (!t.spring) {
         // Dry friction.
         const real rate = t.velocity.y, seen = rate + change, at = first ? rate : seen;
         const Drag d = dragged(-t.gap, size(at), t.friction_damping, 1);
@@ -164,11 +164,11 @@ FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool fir
     change *= side;
     real by_k = -(t.gap + spring * h * change), by_d = -(rate + damper * change), by_half;
     law.by_change = -(k * spring * h + d * damper); law.by_gap = -k; law.by_rate = -d;
-    if (!mean_theta || t.bounded) {
+    if (!mean_theta || t.drive) {
         shared(spring, MEAN_THETA, (real)0.5, k, weight, -k * h * change, by_k, law.by_weight);
         shared(damper, (real)0.5, (real)1, d, weight, -d * change, by_d, law.by_weight);
     }
-    if (!t.bounded && parted(t.gap, (real)0.5 * h * rate, by_k * limit[2] + by_d * limit[3], law.by_gap, by_half))
+    if (!t.drive && parted(t.gap, (real)0.5 * h * rate, by_k * limit[2] + by_d * limit[3], law.by_gap, by_half))
         law.by_rate += by_half * (real)0.5 * h * (rate < 0 ? -1 : 1);
     law.by_weight *= side;
     return law;

@@ -38,7 +38,7 @@ FN Push push(const Touch& t, real h) {
 // The same at a joint: torque; resistance times h. A limit acts along its normal, dry friction across it.
 struct Pull { real torque, resists; };
 FN Pull pull(const Touch& t, real h) {
-    if (!t.sticky) { Pull p = {-t.start.y * t.drag, t.theta[2] * t.drag * h}; return p; }
+    if (!t.spring) { Pull p = {-t.start.y * t.drag, t.theta[2] * t.drag * h}; return p; }
     Pull p = {-t.x.x * (t.stiffness * t.gap + t.damping * t.start.x), (t.theta[0] * h * t.stiffness + t.theta[1] * t.damping) * h};
     return p;
 }
@@ -180,7 +180,7 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
     }
     for (int k = w.points; k < w.touches; k++) {
         Touch& t = w.touch[k];
-        if (t.sticky) continue;
+        if (t.spring) continue;
         const real change = w.qdd[t.dof] * h;
         // With theta = 1 dry friction would push a joint that reverses.
         w.may_gain_energy = w.may_gain_energy || t.start.y * (t.start.y + change) < 0;

@@ -8,7 +8,7 @@ FN Touch driven(const Work& w, int i) {
     t.index = DRIVEN_AT + i; t.link = -1; t.dof = DOFS + i; t.x = t.normal = v3(1, 0, 0);
     t.stiffness = d.kp[i]; t.damping = d.kd[i]; t.theta[0] = d.theta[0][i]; t.theta[1] = d.theta[1][i];
     t.gap = (real)(w.tree.q[COORDS + i] - d.target[i]); t.velocity = v3(w.tree.qd[DOFS + i] - d.speed[i], 0, 0);
-    t.sticky = t.bounded = true;
+    t.spring = t.drive = true;
     return t;
 }
 
@@ -27,12 +27,13 @@ BIG V3 solve_adjoint(Work& w, Back& b, const Touch& touch, const Law& law, real 
     // The torque depends on the normal force and on everything that changes it.
     TurnLaw turn;
     const bool turning = turns(touch);
-    V3 by_force = at(own, x) + b.held[touch.index], by_torque = own.ang + b.turn_offset[touch.index];
+    V3 by_force = at(own, x) + b.held[touch.index], by_torque = own.ang + b.held_torque[touch.index];
     real by_press = 0;
     if (turning) {
         turn_law(touch, b.quickened[i].ang * h, h, first, again, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
         by_press = dot(turn.by_press, by_torque);
-        b.winds[touch.index] = b.winds[touch.index] + back(turn.by_held, by_torque) * (again ? HELD_FACTOR : 1);
+        const V3 by_held = back(turn.by_held, by_torque) * (again ? HELD_FACTOR : 1);
+        b.holds_torque[touch.index] = b.holds_torque[touch.index] + by_held;
         if (!first) by_force = by_force + n * by_press;
     }
 #else
@@ -137,10 +138,10 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
 #if TURNS
         if (turns(touch)) {
             TurnLaw turn;
-            const V3 turn_offset = b.turn_offset[touch.index];
+            const V3 held_torque = b.held_torque[touch.index];
             turn_law(touch, b.quickened[touch.link].ang * h, h, first, again, material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
-            if (!first) held = held + touch.normal * dot(turn.by_press, turn_offset);
-            const V3 later = back(turn.by_change, turn_offset) * h;
+            if (!first) held = held + touch.normal * dot(turn.by_press, held_torque);
+            const V3 later = back(turn.by_change, held_torque) * h;
             spins(t, link, a);
             upward(last_dof(link), [&](auto i) { own[i] += dot(a[i], later); });
         }
@@ -168,7 +169,7 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
     }
     for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
 #if TURNS
-    for (int k = 0; k < PAIRS; k++) b.turn_offset[k] = v3(0, 0, 0);
+    for (int k = 0; k < PAIRS; k++) b.held_torque[k] = v3(0, 0, 0);
 #endif
     at_joints(w, [&](const Touch& touch, int n) {
         if (idles(n)) return;

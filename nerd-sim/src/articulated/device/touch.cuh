@@ -26,7 +26,7 @@ struct Touch {
     real gyration;                            // squared radius of gyration of the link (m^2)
     V3 turn_offset, turn_offset_start, torque;                // turn without torque, now and at the start; torque (turning.rs)
 #endif
-    bool sticky, bounded, parted;
+    bool spring, drive, parted;   // a joint's limit or drive; a drive; a contact that would pull and no longer acts
 };
 
 // Drives of all joints, as a structure of arrays: loads for neighbouring joints overlap.
@@ -54,10 +54,10 @@ struct Work {
     double tau[NJ + 1];   // a local copy, which the threads of a warp read side by side
     Drives drives;
     real weight[WEIGHTS]; // w, found once a frame; negative: unknown
-    real slide[PAIRS + 1];         // of contacts: w across the normal; force of the substep before
-    V3 pressed[PAIRS + 1];
+    real slide[PAIRS + 1];         // of contacts: w across the normal
+    V3 force_before[PAIRS + 1];    // of contacts: force (N) and torque (N m) of the substep before
 #if TURNS
-    V3 turn_offset[PAIRS + 1];  // torque of the substep before
+    V3 torque_before[PAIRS + 1];
 #endif
     bool plain;           // whether the substep's mass matrix is factorised and `alone` known
     real alone[NJ + 1];   // w of joints: accelerations under a unit torque
@@ -169,7 +169,7 @@ FN bool inside(real& gap, real half, real& part) {
 
 FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
-    t.sticky = t.bounded = t.parted = false;
+    t.spring = t.drive = t.parted = false;
     t.friction_damping = t.friction = t.release = t.drag = t.approach = 0;
     t.force = t.turn = t.slip_offset = t.slip_offset_start = v3(0, 0, 0);
 #if TURNS
@@ -324,7 +324,7 @@ BIG bool find(Work& w, real h) {
             Touch& t = next(w);
             t.index = points + i; t.link = -1; t.dof = DOFS + i; t.x = v3(side, 0, 0); t.normal = v3(1, 0, 0);
             t.stiffness = part * limit[2]; t.damping = part * limit[3];
-            t.sticky = true;
+            t.spring = true;
             t.gap = gap; t.start = t.velocity = v3(v, 0, 0);
         }
     }
