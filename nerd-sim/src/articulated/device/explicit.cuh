@@ -139,7 +139,8 @@ FN double grown(const Explicit& e, int k, real h) {
     return h / 6.0 * (e.rates[0][k] + 2 * e.rates[1][k] + 2 * e.rates[2][k] + e.rates[3][k]);
 }
 
-template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
+template <class K>
+BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
     Tree& t = w.tree;
     const real h = (real)(FRAME / substeps);
     keeper.begin(false, substeps);

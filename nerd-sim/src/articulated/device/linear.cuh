@@ -45,15 +45,18 @@ FN real norm(V3 a) { return sqrt(dot(a, a)); }
 // Row major.
 struct M3 { real m[9]; };
 FN V3 operator*(const M3& a, V3 v) {
-    return v3(a.m[0] * v.x + a.m[1] * v.y + a.m[2] * v.z, a.m[3] * v.x + a.m[4] * v.y + a.m[5] * v.z, a.m[6] * v.x + a.m[7] * v.y + a.m[8] * v.z);
+    return v3(a.m[0] * v.x + a.m[1] * v.y + a.m[2] * v.z, a.m[3] * v.x + a.m[4] * v.y + a.m[5] * v.z,
+              a.m[6] * v.x + a.m[7] * v.y + a.m[8] * v.z);
 }
 FN V3 back(const M3& a, V3 v) {
-    return v3(a.m[0] * v.x + a.m[3] * v.y + a.m[6] * v.z, a.m[1] * v.x + a.m[4] * v.y + a.m[7] * v.z, a.m[2] * v.x + a.m[5] * v.y + a.m[8] * v.z);
+    return v3(a.m[0] * v.x + a.m[3] * v.y + a.m[6] * v.z, a.m[1] * v.x + a.m[4] * v.y + a.m[7] * v.z,
+              a.m[2] * v.x + a.m[5] * v.y + a.m[8] * v.z);
 }
 FN M3 operator*(const M3& a, const M3& b) {
     M3 c;
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) c.m[3 * i + j] = a.m[3 * i] * b.m[j] + a.m[3 * i + 1] * b.m[3 + j] + a.m[3 * i + 2] * b.m[6 + j];
+        for (int j = 0; j < 3; j++)
+            c.m[3 * i + j] = a.m[3 * i] * b.m[j] + a.m[3 * i + 1] * b.m[3 + j] + a.m[3 * i + 2] * b.m[6 + j];
     return c;
 }
 
@@ -73,7 +76,8 @@ FN V3 at(Motion m, V3 x) { return m.lin + cross(m.ang, x); }
 struct Inertia { real mass; V3 moment; real i[6]; };
 FN Wrench operator*(const Inertia& b, Motion m) {
     V3 w = m.ang;
-    V3 turned = v3(b.i[0] * w.x + b.i[3] * w.y + b.i[4] * w.z, b.i[3] * w.x + b.i[1] * w.y + b.i[5] * w.z, b.i[4] * w.x + b.i[5] * w.y + b.i[2] * w.z);
+    V3 turned = v3(b.i[0] * w.x + b.i[3] * w.y + b.i[4] * w.z, b.i[3] * w.x + b.i[1] * w.y + b.i[5] * w.z,
+                   b.i[4] * w.x + b.i[5] * w.y + b.i[2] * w.z);
     return wrench(turned + cross(b.moment, m.lin), m.lin * b.mass - cross(b.moment, w));
 }
 FN Inertia none() { Inertia b = {0, {0, 0, 0}, {0, 0, 0, 0, 0, 0}}; return b; }
@@ -92,8 +96,9 @@ FN Q4 read4(const double* p) {
 }
 FN M3 matrix(Q4 q) {
     real x = q.x, y = q.y, z = q.z, w = q.w;
-    M3 r = {{w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (w * y + x * z), 2 * (w * z + x * y), w * w - x * x + y * y - z * z,
-             2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (w * x + y * z), w * w - x * x - y * y + z * z}};
+    M3 r = {{w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (w * y + x * z), 2 * (w * z + x * y),
+             w * w - x * x + y * y - z * z, 2 * (y * z - w * x), 2 * (x * z - w * y), 2 * (w * x + y * z),
+             w * w - x * x - y * y + z * z}};
     return r;
 }
 // Rotates q by the rotation vector v, in world axes.

@@ -28,7 +28,9 @@ BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
     for (int k = 0; k < 3; k++) {
         const V3 e = unit(k), own = s.inertia * e;
         // ([w] I)^T = -I [w], [I w]^T = -[I w].
-        a[k] = own + (transposed ? cross(s.inertia * w, e) - s.inertia * cross(w, e) : cross(w, own) - cross(s.inertia * w, e)) * ((real)0.5 * h);
+        a[k] = own
+               + (transposed ? cross(s.inertia * w, e) - s.inertia * cross(w, e)
+                             : cross(w, own) - cross(s.inertia * w, e)) * ((real)0.5 * h);
     }
     const V3 c = cross(a[1], a[2]);
     const real determinant = dot(a[0], c);
