@@ -16,10 +16,10 @@ use crate::system::inverse_weights;
 pub struct MjcfError(String);
 
 /// MuJoCo's smallest impedance. At this value the force of a constraint hardly depends on the inertia.
-const WEAKEST: f64 = 1e-4;
+const MIN_IMPEDANCE: f64 = 1e-4;
 
 /// Least radius (m) and range (rad or m) that MuJoCo accepts.
-const LEAST: f64 = 1e-9;
+const MIN_SIZE: f64 = 1e-9;
 
 /// Geoms of the scene collide with the robot's geoms and with nothing else.
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
@@ -258,7 +258,7 @@ impl Own<'_> {
                 );
             }
             for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
-                let (place, radius) = (numbers(at.as_slice()), point.radius.max(LEAST));
+                let (place, radius) = (numbers(at.as_slice()), point.radius.max(MIN_SIZE));
                 *text += &format!(
                     "<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n",
                     meets(point.surface)
@@ -319,8 +319,10 @@ fn limit(limit: &Limit, weight: f64) -> String {
     }
     let (k, d) = (limit.stiffness * weight, limit.damping * weight);
     // A locked joint also needs a range.
-    let range = numbers(&[limit.lower, limit.upper.max(limit.lower + LEAST)]);
-    format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+    let range = numbers(&[limit.lower, limit.upper.max(limit.lower + MIN_SIZE)]);
+    format!(
+        "limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{MIN_IMPEDANCE} {MIN_IMPEDANCE} 1 0.5 1\""
+    )
 }
 
 /// `(M^-1)_ii` of each joint at zero coordinates: the inverse inertia by which MuJoCo scales a joint's constraints.
@@ -344,7 +346,7 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
 /// taken at the link's centre of mass at zero coordinates, as mean over directions.
 fn softness(material: &Material, inverse: f64) -> String {
     let (k, d) = (material.stiffness * inverse, material.damping * inverse);
-    format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+    format!(" solref=\"-{k} -{d}\" solimp=\"{MIN_IMPEDANCE} {MIN_IMPEDANCE} 1 0.5 1\"")
 }
 
 fn inertial(link: &Link) -> String {

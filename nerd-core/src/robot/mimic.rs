@@ -3,9 +3,9 @@
 use super::{BodyMimic, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
 /// Limit on joint positions (rad) that stands for unlimited.
-const ENDLESS: f64 = 1e9;
+const UNLIMITED_POSITION: f64 = 1e9;
 /// Least difference (rad or m) by which one limit counts as narrower than another.
-const NARROWER: f64 = 1e-6;
+const MIN_LIMIT_DIFFERENCE: f64 = 1e-6;
 
 /// Makes the joints of `followers` (link, law) follow their leaders, through chains of mimic joints. Damping, friction
 /// and limits go to the leader.
@@ -23,7 +23,7 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
             // Compose `m (m' q + o') + o` from the outside in.
             offset += multiplier * at.offset;
             multiplier *= at.multiplier;
-            if !(multiplier.abs() < ENDLESS && offset.abs() < ENDLESS) {
+            if !(multiplier.abs() < UNLIMITED_POSITION && offset.abs() < UNLIMITED_POSITION) {
                 return Err(wrong("<mimic> has a multiplier or an offset that is not finite, or absurd".into()));
             }
             let Some(next) = joint(robot, &at.joint) else {
@@ -51,18 +51,20 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
         leader.friction += multiplier.abs() * own.friction;
         if leader.wraps() && multiplier.fract() != 0.0 {
             // A wrapped angle loses full turns, which matter to a mimic joint with a fractional multiplier.
-            leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
+            leader.limit =
+                Some(Limit { lower: -UNLIMITED_POSITION, upper: UNLIMITED_POSITION, stiffness: 0.0, damping: 0.0 });
         }
         let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { continue };
         let [a, b] = [limit.lower, limit.upper].map(|end| (end - offset) / multiplier);
-        let [low, high] = leader.limit.map_or([-ENDLESS, ENDLESS], |limit| [limit.lower, limit.upper]);
+        let [low, high] =
+            leader.limit.map_or([-UNLIMITED_POSITION, UNLIMITED_POSITION], |limit| [limit.lower, limit.upper]);
         let [lower, upper] = [a.min(b).max(low), a.max(b).min(high)];
         if lower >= upper {
             notes.push(format!(
                 "joint `{}`: its limits leave no way to `{}`, which it follows, and are passed over",
                 own.name, leader.name
             ));
-        } else if lower > low + NARROWER || upper < high - NARROWER {
+        } else if lower > low + MIN_LIMIT_DIFFERENCE || upper < high - MIN_LIMIT_DIFFERENCE {
             notes.push(format!(
                 "joint `{}`: `{}`, which follows it, keeps it within {lower:.4}..{upper:.4}",
                 leader.name, own.name

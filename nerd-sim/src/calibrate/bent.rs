@@ -15,14 +15,14 @@ use super::trial::{Distance, Trial};
 use crate::{log::turned, prelude::*};
 
 /// Step of the scaled parameters for central differences of starts.
-const SIDE: f64 = 1e-5;
+const DIFFERENCE_STEP: f64 = 1e-5;
 /// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight: after a
 /// chaotic bounce, frames carry no information.
-const FAR: f64 = 150.0;
+const HALVING_SENSITIVITY: f64 = 150.0;
 /// Largest sensitivity of a rollout; it ends there to avoid overflow.
-const HOPELESS: f64 = 1e9;
+const MAX_SENSITIVITY: f64 = 1e9;
 /// Differences below this many units count quadratically.
-const NEAR: f64 = 0.1;
+const QUADRATIC_RANGE: f64 = 0.1;
 
 /// Gradient of the objective with respect to the scaled parameters (0 to 1 between their bounds), and its Gauss-Newton
 /// Hessian. A distance d counts as d^2 / d (iteratively reweighted least squares).
@@ -43,8 +43,8 @@ impl Bent {
             return;
         }
         let apart = DVector::from_column_slice(apart);
-        let far = by.norm() / (FAR * unit);
-        let weight = share / ((1.0 + far * far) * unit * apart.norm().max(NEAR * unit));
+        let far = by.norm() / (HALVING_SENSITIVITY * unit);
+        let weight = share / ((1.0 + far * far) * unit * apart.norm().max(QUADRATIC_RANGE * unit));
         self.gradient.gemv_tr(weight, &by, &apart, 1.0);
         self.curvature.gemm_tr(weight, &by, &by, 1.0);
     }
@@ -76,8 +76,9 @@ impl Subject {
             values[k] += size * by_place[k];
             self.with(parameters, &values)
         };
-        let sides =
-            (0..p).map(|k| Ok([side(k, -SIDE)?, side(k, SIDE)?])).collect::<Result<Vec<_>, CalibrateError>>()?;
+        let sides = (0..p)
+            .map(|k| Ok([side(k, -DIFFERENCE_STEP)?, side(k, DIFFERENCE_STEP)?]))
+            .collect::<Result<Vec<_>, CalibrateError>>()?;
         let identity: Vec<f64> = (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect();
         let begin = || (Articulated::new(config), Batch::new(&own.system, &own.scene, 1), Data::new(robot));
         let one = |(solver, batch, data): &mut (Articulated, Batch, Data), trial: &Trial| {
@@ -86,7 +87,7 @@ impl Subject {
             let mut s = DMatrix::zeros(rows, p);
             for (k, [low, high]) in sides.iter().enumerate() {
                 let apart = difference(robot, &low.start(trial, data), &high.start(trial, data));
-                s.set_column(k, &(DVector::from_vec(apart) / (2.0 * SIDE)));
+                s.set_column(k, &(DVector::from_vec(apart) / (2.0 * DIFFERENCE_STEP)));
             }
             let share = 1.0 / trial.measured.len() as f64;
             for (frame, measured) in trial.measured[1..].iter().enumerate() {
@@ -116,7 +117,7 @@ impl Subject {
                     s.column_mut(k).add_assign(&(change * by_place[k]));
                 }
                 // Frames with such sensitivities have negligible weight.
-                if !s.iter().all(|x| x.abs() < HOPELESS) {
+                if !s.iter().all(|x| x.abs() < MAX_SENSITIVITY) {
                     break;
                 }
                 batch.reset(0, &gradients.next);
@@ -164,10 +165,10 @@ const DAMPING: [f64; 2] = [1e-2, 1e-4];
 /// Share of the mean curvature that is added, times the damping, to all parameters, including those without curvature.
 const RIDGE: f64 = 0.01;
 /// Longest step, in scaled parameters.
-const LONGEST: f64 = 0.2;
+const MAX_STEP: f64 = 0.2;
 /// Least relative gain of a round for another one to follow, and maximum number of rounds.
-const LEAST: f64 = 0.001;
-const ROUNDS: usize = 12;
+const MIN_GAIN: f64 = 0.001;
+const MAX_ROUNDS: usize = 12;
 
 /// The values after a damped Gauss-Newton step; `None` if the matrix is not positive definite.
 fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) -> Option<Vec<f64>> {
@@ -184,7 +185,7 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
         }
     }
     let step = h.cholesky()?.solve(&g);
-    let cut = (LONGEST / step.amax()).min(1.0);
+    let cut = (MAX_STEP / step.amax()).min(1.0);
     Some(parameters.iter().zip(&x).zip(step.iter()).map(|((p, x), s)| p.at(x - cut * s)).collect())
 }
 
@@ -198,7 +199,7 @@ pub(super) fn descend(
     bent: impl Fn(&[f64]) -> Result<Option<Bent>, CalibrateError>,
 ) -> Result<Option<f64>, CalibrateError> {
     let (mut best, mut damping) = (worth(values)?, DAMPING[0]);
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         if !may() {
             break;
         }
@@ -214,7 +215,7 @@ pub(super) fn descend(
             }
             damping *= 4.0;
         }
-        if before - best < LEAST * before {
+        if before - best < MIN_GAIN * before {
             break;
         }
     }

@@ -6,7 +6,7 @@ use std::{cell::Cell, collections::BTreeMap};
 use nalgebra::{DMatrix, DVector};
 
 use super::bent::{Bent, descend};
-use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
+use super::fit::{Fit, FitConfig, MIN_BOUND_DISTANCE, ROUND_COST, STAGES, objective, thinned};
 use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Trial, mean};
@@ -44,7 +44,8 @@ impl Subject {
         // Indices of the k-th trajectory's parameters (shared, then individual) among all.
         let places = |k: usize| (0..s).chain(s + k * o..s + (k + 1) * o).collect::<Vec<usize>>();
         let part = |values: &[f64], k: usize| places(k).into_iter().map(|i| values[i]).collect::<Vec<f64>>();
-        let mut values: Vec<f64> = all.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let mut values: Vec<f64> =
+            all.iter().map(|p| p.at(p.place(p.nominal).clamp(MIN_BOUND_DISTANCE, 1.0 - MIN_BOUND_DISTANCE))).collect();
         let spent = Cell::new(0.0);
         for [frames, share] in STAGES {
             let seen = thinned(&trials, (share * trials.len() as f64).ceil() as usize);
@@ -61,7 +62,7 @@ impl Subject {
                     + costs.sum::<f64>() / seen.len() as f64;
                 Ok(if worth.is_finite() { worth } else { f64::MAX })
             };
-            let pass = PASS * frames * share;
+            let pass = ROUND_COST * frames * share;
             let bent = |values: &[f64]| {
                 spent.set(spent.get() + pass);
                 let mut sum =

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::UnitVector3;
 
-use super::start::{DRAWS, clear_start};
+use super::start::{MAX_DRAWS, clear_start};
 use super::validate::{RESERVED, check};
 use super::world::{World, soften};
 use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
@@ -88,7 +88,7 @@ impl System {
                     (source.starts(system.spec.root.is_some(), which.name()), system.spec.data_scene);
                 return Err(SystemError::Blocked(
                     name.into(),
-                    format!("{DRAWS} starts {starts}"),
+                    format!("{MAX_DRAWS} starts {starts}"),
                     scene.unwrap_or_default(),
                     remedy,
                 ));

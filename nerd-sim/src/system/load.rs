@@ -4,7 +4,7 @@ use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 use super::derive::{Ground, derived, floats, plain, touch};
-use super::start::{DRAWS, overlaps};
+use super::start::{MAX_DRAWS, overlaps};
 use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check, world::World};
 use crate::files::{
     read_text,
@@ -161,7 +161,7 @@ impl System {
         made.map_err(|error| match error {
             SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(
                 robot,
-                format!("{DRAWS} starts above the ground"),
+                format!("{MAX_DRAWS} starts above the ground"),
                 scene,
                 "say where it starts by `position`, `sample` and `reset` of [root] in a .toml beside it, under `like = \"urdf\"`".into(),
             ),

@@ -83,9 +83,9 @@ BIG void settle(Work& w, const double* state, const double* scene) {
     survey(w, scene);
 }
 
-// Draws starts until one is clear of the scene, MOST_DRAWS at most.
+// Draws starts until one is clear of the scene, MAX_DRAWS at most.
 BIG void start(Draws& d, double* state) {
-    for (int k = 0; k < MOST_DRAWS; k++) {
+    for (int k = 0; k < MAX_DRAWS; k++) {
         draw_start(d, state);
         if (!CLEARS) return;
         Work w;

@@ -7,7 +7,7 @@ use super::text::number;
 use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
 use crate::system::motors::LATEST;
-use crate::system::start::{DRAWS, Start, least_clearance};
+use crate::system::start::{MAX_DRAWS, Start, least_clearance};
 
 /// Random numbers of ChaCha8 as the crate `rand` draws them: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");
@@ -34,7 +34,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let record = apart.map(|scene| alone(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
-    text.define([("MOST_DRAWS", DRAWS)]);
+    text.define([("MAX_DRAWS", MAX_DRAWS)]);
     let flags = [
         ("RELATIVE", control.is_some_and(|c| c.relative)),
         ("STABLE_PD", !reach.servo && control.is_some_and(|c| c.stable_pd)),

@@ -43,14 +43,15 @@ template <class F> FN void meetings(const Tree& t, real h, const F& met) {
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
         const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach) + m[4];
         if (norm(one - other) > reach + way) continue;
-        const real inv_mass = WHOLE * FOLD_INV_MASS(t)[p], stiffness = least(m[0], STIFFEST / inv_mass / WHOLE);
+        const real inv_mass = WHOLE * FOLD_INV_MASS(t)[p],
+                   stiffness = least(m[0], MAX_FOLD_STIFFNESS / inv_mass / WHOLE);
         for (int k = FOLD_OWN[2 * first]; k < FOLD_OWN[2 * first + 1]; k++) {
             const Capsule mine = placed(t, a, k);
             if (norm(mine.middle - other) > norm(mine.half) + mine.radius + balls[1][3] + way) continue;
             for (int l = FOLD_OWN[2 * second]; l < FOLD_OWN[2 * second + 1]; l++) {
                 V3 n, x;
                 const real gap = meets(mine, placed(t, b, l), n, x) - m[4];
-                met(a, b, m, stiffness, FOLLOWED / inv_mass, gap, n, x, at(twist, x));
+                met(a, b, m, stiffness, MAX_FOLD_DAMPING / inv_mass, gap, n, x, at(twist, x));
             }
         }
     }

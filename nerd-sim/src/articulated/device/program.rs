@@ -10,12 +10,12 @@ use super::super::energy::{
     FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, MAX_REFINED, MAX_REFINED_TERRAIN,
     WORK_TOLERANCE,
 };
-use super::super::fold::FOLLOWED;
+use super::super::fold::{MAX_FOLD_DAMPING, MAX_FOLD_STIFFNESS};
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
-use super::super::spin::{FAST_ROOT, ROUND, SPIN_PASSES, SPUN_RK4};
+use super::super::spin::{FAST_ROOT, MAX_ROOT_TURN_RK4, SPIN_PASSES, SPIN_TOLERANCE};
 use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
-use super::super::stiff::{MOST, MOST_RK4, POWERS};
+use super::super::stiff::{MAX_RADIUS, MAX_RADIUS_RK4, POWER_STEPS};
 use super::super::touch::{CREEP, MEAN_THETA};
 use super::super::turning::{MIN_GYRATION, TURN_INERTIA, TURN_STICK_DRAG};
 use super::own::{Own, lifts};
@@ -53,7 +53,7 @@ const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 const MATERIAL: usize = 8;
 pub(super) const COLLIDER: usize = 16 + MATERIAL;
 /// Largest number of factorisation steps that the text writes out one by one.
-const WALKS: usize = 4000;
+const MAX_UNROLLED_STEPS: usize = 4000;
 /// Fault codes above `1 + DoF` (mass matrix not positive definite): a distance is NaN; the state is not finite.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
@@ -162,12 +162,12 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("PASSES", PASSES),
         ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
         ("SPIN_PASSES", SPIN_PASSES),
-        ("POWERS", POWERS),
+        ("POWER_STEPS", POWER_STEPS),
     ]);
     let flags = [
         // Code around the steps may use loops, which compile in a fraction of the time. A stable PD law runs in every
         // frame and is unrolled.
-        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || stable_pd || !whips(system))),
+        ("UNROLLED", walks(robot) <= MAX_UNROLLED_STEPS && !deep(system) && (steps || stable_pd || !whips(system))),
         ("MATRIX", !steps && stable_pd),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
@@ -187,13 +187,12 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
     let constants = named! {
-        SETTLED, CREEP, MOST_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG, TURN_INERTIA, MIN_GYRATION,
-        MAX_SPRING_DAMPING, OFF, FAR_OFF, MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN,
-        FAST_TURN_RK4, FAST_ROOT, ROUND, SPUN_RK4, BARREL
+        SETTLED, CREEP, MAX_RADIUS, MAX_RADIUS_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG,
+        TURN_INERTIA, MIN_GYRATION, MAX_SPRING_DAMPING, MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING, OFF, FAR_OFF,
+        MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4,
+        FAST_ROOT, SPIN_TOLERANCE, MAX_ROOT_TURN_RK4, BARREL
     };
-    let reals =
-        constants.into_iter().chain([("MOST_DAMPED", MOST), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])]);
-    text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
+    text.define(constants.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
     text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
     text.0 += KERNELS[0];
@@ -217,7 +216,7 @@ pub(super) fn whips(system: &System) -> bool {
 /// Whether implicit steps solve along the tree, as on the CPU. A robot that is no chain, with a factorisation short
 /// enough to write out, uses the matrix: that is faster for a G1.
 fn deep(system: &System) -> bool {
-    whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
+    whips(system) && (chained(&system.robot) || walks(&system.robot) > MAX_UNROLLED_STEPS)
 }
 
 /// Cost of factorising the mass matrix: the sum over DoFs of the squared number of DoFs from each one to the root.
@@ -280,8 +279,8 @@ pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, 
     }
     numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
     for point in system.robot.contact_points.iter().filter(|_| reach.paired) {
-        let meetings = scene.colliders.iter().map(|body| system.meeting(point, body).map_or(NEVER, |m| of(&m)));
-        numbers.extend(meetings.chain(std::iter::repeat(NEVER)).take(reach.colliders).flatten());
+        let meetings = scene.colliders.iter().map(|body| system.meeting(point, body).map_or(NO_MEETING, |m| of(&m)));
+        numbers.extend(meetings.chain(std::iter::repeat(NO_MEETING)).take(reach.colliders).flatten());
     }
     numbers.extend(reach.own.numbers(system)?);
     Ok(numbers)
@@ -298,7 +297,7 @@ fn capsule(body: &Collider) -> Option<[f64; 2]> {
 }
 
 /// Material of a point and a collider that never meet.
-const NEVER: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+const NO_MEETING: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 fn of(m: &Material) -> [f64; MATERIAL] {
     [m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin, m.release]

@@ -20,43 +20,43 @@ use crate::{internal::*, scene::foot, system::mjcf::Description};
 
 /// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight; with a fixed
 /// base, one.
-const GIVE: f64 = 1e-3;
+const REST_PENETRATION: f64 = 1e-3;
 /// Time constant (s) of resolving a penetration, as with MuJoCo's defaults.
-const RELEASE: f64 = 0.04;
+const RELEASE_TIME: f64 = 0.04;
 /// Least range of position targets (rad), as usual in training legged robots.
-const STEP: f64 = 0.25;
+const MIN_TARGET_RANGE: f64 = 0.25;
 /// Creep velocity (m/s) of a contact under a tangential force of a fifth of the weight.
 const CREEP: f64 = 1e-3;
 /// Friction coefficient of rubber and metal on floors.
 const FRICTION: f64 = 0.7;
 /// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to holding it against gravity.
-const LIVELY: f64 = 20.0;
+const RANDOM_ACCELERATION: f64 = 20.0;
 /// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
-const START: f64 = 0.01;
+const ROTOR_START_TIME: f64 = 0.01;
 /// Joint inertia below this fraction of mass x extent^2 counts as zero.
-const BARE: f64 = 1e-10;
+const MIN_INERTIA_SHARE: f64 = 1e-10;
 /// Largest additional height of starts in evaluation, as a share of the robot's extent.
-const HIGHER: f64 = 0.06;
+const MAX_START_HEIGHT: f64 = 0.06;
 /// Largest height of possible ground contacts above the lowest point in the default pose, as a share of the extent.
-const NEAR: f64 = 0.1;
+const MAX_CONTACT_HEIGHT: f64 = 0.1;
 /// Effort of a motor without data. It carries the robot's weight at this share of a foot's distance from the joint, or
 /// this multiple of the moved mass.
-const BEARS: f64 = 0.75;
-const HOLDS: f64 = 3.0;
+const BORNE_WEIGHT_SHARE: f64 = 0.75;
+const HELD_MASS_RATIO: f64 = 3.0;
 /// Least assumed effort, relative to the robot's largest.
-const LEAST: f64 = 0.05;
+const MIN_EFFORT_SHARE: f64 = 0.05;
 /// Ratio of a joint's effort to weight times extent above which the effort is not credible.
-const ABSURD: f64 = 20.0;
+const MAX_EFFORT_RATIO: f64 = 20.0;
 /// Position error (rad) that gives the motor's full effort under a position law.
-const LEAN: f64 = 1.0;
+const FULL_EFFORT_ERROR: f64 = 1.0;
 /// Damping of this law, as a multiple of its stiffness (s).
-const CALMS: f64 = 0.025;
+const DAMPING_TIME: f64 = 0.025;
 /// Velocity limit (rad/s, m/s) of a motor without data.
-const SPINS: f64 = 20.0;
+const ASSUMED_VELOCITY_LIMIT: f64 = 20.0;
 /// Largest number of contact points that are all kept. More are replaced by a few with the same support.
-const MOST: usize = 24;
+const MAX_KEPT_POINTS: usize = 24;
 /// Largest velocity of starts (rad/s or m/s); half the URDF's velocity limit where that is less.
-const FAST: f64 = 3.0;
+const MAX_START_VELOCITY: f64 = 3.0;
 
 /// Whether a robot walks, rolls or flies and so has a free base. True if it has no joints, or if at zero coordinates
 /// two or more limbs reach lower than everything else. `robot` has a free base.
@@ -117,9 +117,9 @@ pub(crate) fn derived(
         if floating { "free" } else { "fixed" },
         if file.keys.contains_key("gravity") { "" } else { ", gravity along -z" }
     ));
-    let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
+    let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + MAX_CONTACT_HEIGHT * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
-    let clearance = round + rounded(GIVE * extent);
+    let clearance = round + rounded(REST_PENETRATION * extent);
     // With spheres of several sizes, the centres of smaller ones are nearer to the ground than `clearance`.
     let middles = robot.contact_points.iter().zip(&lows).map(|(p, at)| at - low + p.radius);
     let mut lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
@@ -143,7 +143,9 @@ pub(crate) fn derived(
     };
     let driven = floating && robot.joint_count() > 0;
     let absurd = |joint: &&Joint| {
-        joint.kind != JointKind::Prismatic && joint.effort.is_finite() && joint.effort > ABSURD * weight * extent
+        joint.kind != JointKind::Prismatic
+            && joint.effort.is_finite()
+            && joint.effort > MAX_EFFORT_RATIO * weight * extent
     };
     if let Some(joint) = robot.joints().filter(|_| driven).find(absurd) {
         notes.push(format!(
@@ -154,14 +156,14 @@ pub(crate) fn derived(
         ));
     }
     let torques = torques(robot, &ground.up);
-    let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
+    let efforts = efforts(robot, &data, &lows, low + MAX_CONTACT_HEIGHT * extent);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
     let joints = joints.map(|(((joint, torque), q), effort)| {
         joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort))
     });
     let mut joints: Vec<JointSpec> = joints.collect();
     // URDF has no rotor inertia. Only a joint without any other inertia needs it.
-    for (joint, spec) in bare(robot, BARE * robot.mass() * extent * extent)
+    for (joint, spec) in bare(robot, MIN_INERTIA_SHARE * robot.mass() * extent * extent)
         .into_iter()
         .zip(&mut joints)
         .filter_map(|(bare, spec)| Some((bare?, spec)))
@@ -176,7 +178,7 @@ pub(crate) fn derived(
         .join(", ");
     if !guessed.is_empty() {
         notes.push(format!(
-            "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {START} s / velocity (kg m^2 or kg): \
+            "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {ROTOR_START_TIME} s / velocity (kg m^2 or kg): \
              {guessed}; give them yours in a .toml, or fit it (`calibrate --parameters armature:JOINT`)"
         ));
     }
@@ -207,7 +209,7 @@ pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
 
 /// Replaces the robot's contact points by a few, if there are many.
 fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
-    if robot.contact_points.len() <= MOST {
+    if robot.contact_points.len() <= MAX_KEPT_POINTS {
         return;
     }
     let (kept, losses) = enough(robot, state);
@@ -224,25 +226,25 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
 }
 
 /// Range (rad) of the position targets of a legged robot for an action of 1: the median over joints of torque limit
-/// over kp in the file, between [`STEP`] and 1; 1 if the file has no gains.
+/// over kp in the file, between [`MIN_TARGET_RANGE`] and 1; 1 if the file has no gains.
 fn scale(file: &Description) -> f64 {
     let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
     let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);
     let mut turns: Vec<f64> = joints.filter_map(|joint| Some(number(joint, "gain")? / number(joint, "kp")?)).collect();
     turns.sort_by(f64::total_cmp);
-    turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(STEP, 1.0)))
+    turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(MIN_TARGET_RANGE, 1.0)))
 }
 
-/// Contact that carries the weight on `points` points at a penetration of [`GIVE`], half critically damped, with little
-/// creep.
+/// Contact that carries the weight on `points` points at a penetration of [`REST_PENETRATION`], half critically damped,
+/// with little creep.
 fn material(weight: f64, extent: f64, points: f64) -> Material {
-    let stiffness = weight / (points * GIVE * extent);
+    let stiffness = weight / (points * REST_PENETRATION * extent);
     Material {
         stiffness: rounded(stiffness),
         damping: rounded((stiffness * weight / GRAVITY / points).sqrt()),
         friction_damping: rounded(0.2 * weight / CREEP),
         friction: FRICTION,
-        release: RELEASE,
+        release: RELEASE_TIME,
         ..Material::default()
     }
 }
@@ -268,7 +270,7 @@ fn root(
             clearance,
         },
         // High enough for joints slightly off their default positions.
-        reset: Some(RootStart { position: above(HIGHER), clearance, ..RootStart::default() }),
+        reset: Some(RootStart { position: above(MAX_START_HEIGHT), clearance, ..RootStart::default() }),
     }
 }
 
@@ -287,7 +289,7 @@ fn joint_spec(
         None if slides => (-extent, extent),
         None => (-PI, PI),
     };
-    let fast = FAST.min(0.5 * joint.velocity);
+    let fast = MAX_START_VELOCITY.min(0.5 * joint.velocity);
     // A standing robot starts near its default pose; an arm anywhere.
     let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
@@ -297,7 +299,7 @@ fn joint_spec(
     };
     let (kp, kd) = match effort {
         // A law too stiff for its motor would switch between the torque limits.
-        Some(effort) if !slides => (effort / LEAN, CALMS * effort / LEAN),
+        Some(effort) if !slides => (effort / FULL_EFFORT_ERROR, DAMPING_TIME * effort / FULL_EFFORT_ERROR),
         _ => (0.6 * gain, 0.006 * gain),
     };
     JointSpec {
@@ -332,11 +334,11 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
         let foot = feet.map(|(p, _)| lever(point_position(data, p.link, &p.local))).fold(0.0, f64::max);
         let own = |k: usize| robot.links[k].inertia.mass * lever(point_position(data, k, &robot.links[k].inertia.com));
         let own: f64 = (link..n).filter(|k| over(*k, link)).map(own).sum();
-        rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
+        rounded(GRAVITY * (BORNE_WEIGHT_SHARE * robot.mass() * foot).max(HELD_MASS_RATIO * own))
     };
     let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
     // A joint with an axis through its load carries nothing, but still has a motor.
-    let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
+    let least = rounded(MIN_EFFORT_SHARE * all.iter().copied().fold(0.0, f64::max));
     all.into_iter()
         .zip(robot.joints())
         .map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) })
@@ -347,8 +349,9 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
 /// that is missing, too.
 pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
     let effort = Some(joint.effort).filter(|x| x.is_finite()).or(effort);
-    let velocity = if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { SPINS };
-    effort.map_or(0.0, |effort| rounded(effort * START / velocity))
+    let velocity =
+        if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { ASSUMED_VELOCITY_LIMIT };
+    effort.map_or(0.0, |effort| rounded(effort * ROTOR_START_TIME / velocity))
 }
 
 /// Joints without inertia in some pose, by joint; `least` is the inertia that counts as zero.
@@ -383,7 +386,7 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
 }
 
 /// Amplitudes of random torques, within the joint's effort. Sum of the largest gravity torque over a few poses (fixed
-/// base only) and the torque that accelerates the joint by [`LIVELY`].
+/// base only) and the torque that accelerates the joint by [`RANDOM_ACCELERATION`].
 fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
     let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
     let mut most = vec![0.0f64; robot.joint_count()];
@@ -393,7 +396,7 @@ fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
         bias(robot, &rest, &(-GRAVITY * up), &mut data);
         for (i, most) in most.iter_mut().enumerate() {
             let holds = if robot.floating() { 0.0 } else { data.tau[dofs + i].abs() };
-            *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
+            *most = most.max(holds + RANDOM_ACCELERATION * data.mass[(dofs + i, dofs + i)]);
         }
     }
     robot.joints().zip(&most).map(|(joint, most)| rounded(*most).min(joint.effort)).collect()

@@ -3,7 +3,7 @@
 use nalgebra::Unit;
 use nerd_core::robot::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, FreeRoot};
 
-use super::compiler::SHORT;
+use super::compiler::MIN_LENGTH;
 use super::inertia::inertias;
 use super::joint::{Joint, Kind};
 use super::shapes::Shapes;
@@ -11,7 +11,7 @@ use super::tree::Tree;
 use crate::internal::*;
 
 /// Largest ratio of damping to least inertia of a free root (1/s): the initial rate of relative velocity loss.
-const STIFF: f64 = 50.0;
+const MAX_ROOT_DAMPING_RATE: f64 = 50.0;
 
 impl Tree<'_> {
     /// Bodies and joints of the robot.
@@ -85,7 +85,7 @@ impl Tree<'_> {
         let stiff = |id: &usize| {
             let own = &inertias[*id];
             let least = (own.inertia.symmetric_eigenvalues().min().min(own.mass) + made.free.armature).max(0.0);
-            made.free.damping > STIFF * least
+            made.free.damping > MAX_ROOT_DAMPING_RATE * least
         };
         match self.free.filter(stiff) {
             Some(id) => Err(model.bodies[id].element.refused(format!(
@@ -107,7 +107,8 @@ impl Tree<'_> {
     ) -> Result<BodyJoint, UrdfError> {
         let wrong =
             |reason: &str| self.model.bodies[id].element.refused(format!("joint `{}`: {reason}", name.escape_debug()));
-        let axis = Unit::try_new(Vector3::from(joint.axis), SHORT).ok_or_else(|| wrong("its axis has no direction"))?;
+        let axis =
+            Unit::try_new(Vector3::from(joint.axis), MIN_LENGTH).ok_or_else(|| wrong("its axis has no direction"))?;
         let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
         // The coordinate equals `ref` in the file's pose.
         let back = *axis * -joint.reference;
