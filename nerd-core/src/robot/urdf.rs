@@ -91,19 +91,7 @@ fn joint(
     notes: &mut Vec<String>,
 ) -> Result<BodyJoint, UrdfError> {
     let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
-    let kind = match source.joint_type {
-        JointType::Fixed => BodyJointKind::Fixed,
-        JointType::Revolute => BodyJointKind::Revolute,
-        JointType::Continuous => BodyJointKind::Continuous,
-        JointType::Prismatic => BodyJointKind::Prismatic,
-        JointType::Planar => BodyJointKind::Planar,
-        JointType::Floating => BodyJointKind::Floating,
-        ref other => {
-            return Err(wrong(&format!(
-                "type {other:?} is not supported; write it as revolute, continuous or prismatic joints"
-            )));
-        }
-    };
+    let kind = kind(source)?;
     let origin = isometry(&source.origin);
     let mut joint =
         BodyJoint { kind, ..BodyJoint::fixed(source.name.clone(), [parent, child], origin.unwrap_or_default()) };
@@ -150,6 +138,22 @@ fn joint(
         joint.range = range(source, notes)?;
     }
     Ok(joint)
+}
+
+fn kind(source: &urdf_rs::Joint) -> Result<BodyJointKind, UrdfError> {
+    Ok(match source.joint_type {
+        JointType::Fixed => BodyJointKind::Fixed,
+        JointType::Revolute => BodyJointKind::Revolute,
+        JointType::Continuous => BodyJointKind::Continuous,
+        JointType::Prismatic => BodyJointKind::Prismatic,
+        JointType::Planar => BodyJointKind::Planar,
+        JointType::Floating => BodyJointKind::Floating,
+        ref other => {
+            let reason =
+                format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints");
+            return Err(UrdfError::joint(&source.name, reason));
+        }
+    })
 }
 
 /// Limits of a hinge or a slide.

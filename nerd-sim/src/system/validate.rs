@@ -5,7 +5,7 @@
 
 use std::collections::HashSet;
 
-use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart};
+use super::spec::{ContactSpec, ControlSpec, JointSpec, RootSpec, RootStart};
 use crate::{internal::*, scene::WORLDS};
 
 /// Maximum number of substeps per frame: a robot with ten joints takes a tenth of a second for them.
@@ -45,35 +45,51 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         Some(root) => self::root(root, spec.data_scene.is_some())?,
         None => {}
     }
-    let link = |name: &str| robot.link(name).is_ok();
-    if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !link(n)) {
+    let known = |name: &str| robot.link(name).is_ok();
+    if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !known(n)) {
         return Err(format!("mass_matrix_of names unknown link `{unknown}`"));
     }
-    for (i, contact) in spec.contacts.iter().enumerate() {
-        let at = |key: &str| format!("[[contact]] {} on link `{}`: {key}", i + 1, contact.link);
-        if !link(&contact.link) {
-            return Err(at("no such link moves"));
+    spec.contacts.iter().enumerate().try_for_each(|(i, contact)| self::contact(i, contact, robot))?;
+    random(spec)?;
+    if let Some(pace) = &spec.smooth {
+        law("smooth", pace, 0.0..=1e6, "s")?;
+        if spec.control.is_some_and(|control| control.data.is_some()) {
+            return Err("smooth: torques come from random gains (control.data); leave one of the two out".into());
         }
-        if contact.point.is_some() != contact.vertices.is_empty() {
-            return Err(at("a `point` or `vertices` are needed, and not both"));
-        }
-        if contact.axis.is_some() != contact.rim.is_some() || contact.axis.is_some() && contact.point.is_none() {
-            return Err(at("a disc needs `point`, `axis` and `rim`"));
-        }
-        if contact.vertices.len() > MAX_VERTICES {
-            return Err(at(&format!("{} vertices, at most {MAX_VERTICES} are possible", contact.vertices.len())));
-        }
-        for place in contact.point.iter().chain(&contact.vertices) {
-            vector(&at(if contact.point.is_some() { "point" } else { "vertices" }), place, MAX_ANGLE_OR_LENGTH, "m")?;
-        }
-        if let Some(axis) = &contact.axis {
-            vector(&at("axis"), axis, MAX_ANGLE_OR_LENGTH, "1")?;
-            within(at("length of axis"), Vector3::from(*axis).norm(), 1e-6..=2.0 * MAX_ANGLE_OR_LENGTH, "1")?;
-        }
-        within(at("rim"), contact.rim.unwrap_or(1.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
-        within(at("radius"), contact.radius, 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
-        within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
     }
+    scenes(spec)?;
+    columns(spec, robot)
+}
+
+/// Checks the `i`-th `[[contact]]`.
+fn contact(i: usize, contact: &ContactSpec, robot: &Robot) -> Result<(), String> {
+    let at = |key: &str| format!("[[contact]] {} on link `{}`: {key}", i + 1, contact.link);
+    if robot.link(&contact.link).is_err() {
+        return Err(at("no such link moves"));
+    }
+    if contact.point.is_some() != contact.vertices.is_empty() {
+        return Err(at("a `point` or `vertices` are needed, and not both"));
+    }
+    if contact.axis.is_some() != contact.rim.is_some() || contact.axis.is_some() && contact.point.is_none() {
+        return Err(at("a disc needs `point`, `axis` and `rim`"));
+    }
+    if contact.vertices.len() > MAX_VERTICES {
+        return Err(at(&format!("{} vertices, at most {MAX_VERTICES} are possible", contact.vertices.len())));
+    }
+    for place in contact.point.iter().chain(&contact.vertices) {
+        vector(&at(if contact.point.is_some() { "point" } else { "vertices" }), place, MAX_ANGLE_OR_LENGTH, "m")?;
+    }
+    if let Some(axis) = &contact.axis {
+        vector(&at("axis"), axis, MAX_ANGLE_OR_LENGTH, "1")?;
+        within(at("length of axis"), Vector3::from(*axis).norm(), 1e-6..=2.0 * MAX_ANGLE_OR_LENGTH, "1")?;
+    }
+    within(at("rim"), contact.rim.unwrap_or(1.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
+    within(at("radius"), contact.radius, 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
+    within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")
+}
+
+/// Checks the laws of random scenes.
+fn random(spec: &Spec) -> Result<(), String> {
     if let Some(plane) = &spec.random_plane {
         within("random_plane.reach", plane.reach, 0.0..=MAX_POSITION, "m")?;
         within("random_plane.clearance", plane.clearance, 0.0..=MAX_POSITION, "m")?;
@@ -84,14 +100,7 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         within("random_pegs.height", pegs.height, 1e-6..=MAX_ANGLE_OR_LENGTH, "m")?;
         laws("random_pegs.position", &pegs.position, MAX_POSITION, "m")?;
     }
-    if let Some(pace) = &spec.smooth {
-        law("smooth", pace, 0.0..=1e6, "s")?;
-        if spec.control.is_some_and(|control| control.data.is_some()) {
-            return Err("smooth: torques come from random gains (control.data); leave one of the two out".into());
-        }
-    }
-    scenes(spec)?;
-    columns(spec, robot)
+    Ok(())
 }
 
 fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {

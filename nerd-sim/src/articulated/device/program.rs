@@ -135,8 +135,27 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// The functions without a kernel: with `steps` to step frames, otherwise for the code around the steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
-    let stable_pd = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.stable_pd);
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
+    sizes(&mut text, system, config, reach);
+    flags(&mut text, system, reach, steps);
+    constants(&mut text);
+    text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
+    text.0 += KERNELS[0];
+    tables(&mut text, system);
+    reach.own.write(&mut text, system, true);
+    if steps && (reach.servo || reach.own.rigged()) {
+        reach.own.write(&mut text, system, false);
+    }
+    if steps && reach.servo {
+        text.table("double", "TORQUE_LIMIT", (0..robot.joint_count()).map(|i| system.torque_limit(i).min(1e30)));
+    }
+    text.0 += &KERNELS[1..].concat();
+    text
+}
+
+/// Numbers of links, coordinates, substeps and solves.
+fn sizes(text: &mut Text, system: &System, config: &ArticulatedConfig, reach: Reach) {
+    let robot = &system.robot;
     text.define([
         ("NL", robot.links.len()),
         ("NV", robot.nv()),
@@ -164,6 +183,12 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWER_STEPS", POWER_STEPS),
     ]);
+}
+
+/// Features, each 0 or 1.
+fn flags(text: &mut Text, system: &System, reach: Reach, steps: bool) {
+    let robot = &system.robot;
+    let stable_pd = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.stable_pd);
     let flags = [
         // Code around the steps may use loops, which compile in a fraction of the time. A stable PD law runs in every
         // frame and is unrolled.
@@ -186,6 +211,10 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
+}
+
+/// Constants of the solver, and fault codes.
+fn constants(text: &mut Text) {
     let constants = named! {
         SETTLED, CREEP, MAX_RADIUS, MAX_RADIUS_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG,
         TURN_INERTIA, MIN_GYRATION, MAX_SPRING_DAMPING, MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING, OFF, FAR_OFF,
@@ -194,18 +223,6 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     };
     text.define(constants.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
-    text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
-    text.0 += KERNELS[0];
-    tables(&mut text, system);
-    reach.own.write(&mut text, system, true);
-    if steps && (reach.servo || reach.own.rigged()) {
-        reach.own.write(&mut text, system, false);
-    }
-    if steps && reach.servo {
-        text.table("double", "TORQUE_LIMIT", (0..robot.joint_count()).map(|i| system.torque_limit(i).min(1e30)));
-    }
-    text.0 += &KERNELS[1..].concat();
-    text
 }
 
 /// Whether implicit steps watch for chains that whip.
