@@ -53,7 +53,7 @@ pub enum Locus {
 }
 
 /// Below this sine of the angle between a disc's axis and the normal, the whole rim counts as equally deep.
-const FLAT: f64 = 1e-9;
+const MIN_TILT_SINE: f64 = 1e-9;
 
 impl ContactPoint {
     /// A point fixed at `local` (m, link frame), with radius and thickness `radius` (m).
@@ -110,7 +110,7 @@ impl ContactPoint {
         let axis_rate = spin.cross(&axis);
         let slope = normal - axis * axis.dot(normal);
         let size = slope.norm();
-        if size <= FLAT {
+        if size <= MIN_TILT_SINE {
             return Vector3::zeros();
         }
         let up = slope / size;
@@ -176,7 +176,7 @@ impl Locus {
             Self::Rim { axis, radius, turn } => {
                 let slope = normal - axis.as_ref() * axis.dot(normal);
                 let size = slope.norm();
-                let up = if size > FLAT { slope / size } else { across(axis) };
+                let up = if size > MIN_TILT_SINE { slope / size } else { across(axis) };
                 let (sin, cos) = if own { turn.sin_cos() } else { (0.0, 1.0) };
                 middle - (up * cos + axis.cross(&up) * sin) * *radius
             }

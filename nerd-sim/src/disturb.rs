@@ -22,9 +22,9 @@ use crate::{internal::*, sampling::normal, scene::up};
 /// First blocks of an episode's pushes and noise in its stream, far behind the start of the stream.
 pub(crate) const PUSHES: u64 = 1 << 40;
 pub(crate) const NOISES: u64 = 2 << 40;
-const WORDS: u128 = 16;
+const WORDS_PER_BLOCK: u128 = 16;
 /// Words per drawn number.
-const DRAWN: usize = 2;
+const WORDS_PER_NUMBER: usize = 2;
 
 /// Frames from one push to the next; `None` without pushes.
 pub(crate) fn every(system: &System) -> Option<u64> {
@@ -43,7 +43,7 @@ pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
 /// Blocks of a frame's noise: two draws for each component of the root's four vectors and for each joint's position and
 /// velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
-    ((24 + 4 * system.robot.joint_count()) * DRAWN).div_ceil(WORDS as usize) as u64
+    ((24 + 4 * system.robot.joint_count()) * WORDS_PER_NUMBER).div_ceil(WORDS_PER_BLOCK as usize) as u64
 }
 
 /// In a frame with a push, adds a drawn velocity (m/s) in a random horizontal direction to a free root. Returns whether
@@ -55,7 +55,7 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
     if frame == 0 || !frame.is_multiple_of(every) {
         return false;
     }
-    episode.set_word_pos(u128::from(PUSHES + frame / every) * WORDS);
+    episode.set_word_pos(u128::from(PUSHES + frame / every) * WORDS_PER_BLOCK);
     let (size, angle) = (size.draw(&mut episode), TAU * episode.random::<f64>());
     let [one, other] = level(system);
     let change = one * (size * angle.cos()) + other * (size * angle.sin());
@@ -66,7 +66,7 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
 /// Replaces a state by the noisy sensor reading of this frame.
 pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) {
     if system.noisy() {
-        episode.set_word_pos(u128::from(NOISES + frame * blocks(system)) * WORDS);
+        episode.set_word_pos(u128::from(NOISES + frame * blocks(system)) * WORDS_PER_BLOCK);
         blur(system, state, &mut episode);
     }
 }

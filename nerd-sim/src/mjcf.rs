@@ -16,10 +16,10 @@ use crate::system::inverse_weights;
 pub struct MjcfError(String);
 
 /// MuJoCo's smallest impedance. At this value the force of a constraint hardly depends on the inertia.
-const WEAKEST: f64 = 1e-4;
+const MIN_IMPEDANCE: f64 = 1e-4;
 
 /// Least radius (m) and range (rad or m) that MuJoCo accepts.
-const LEAST: f64 = 1e-9;
+const MIN_SIZE: f64 = 1e-9;
 
 /// Geoms of the scene collide with the robot's geoms and with nothing else.
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
@@ -71,18 +71,7 @@ fn written(
     material: Option<Material>,
 ) -> Result<String, MjcfError> {
     let robot = &system.robot;
-    if let Some(joint) = robot.follower() {
-        return Err(MjcfError(format!(
-            "joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about",
-            joint.name
-        )));
-    }
-    let partly = |link: &&Link| {
-        link.joint.is_some() && link.lifted.mass > 0.0 && (link.lifted.at - link.inertia.com).amax() > 1e-9
-    };
-    if let Some(link) = robot.links.iter().find(partly) {
-        return Err(MjcfError(format!("weight is taken off a part of link `{}`, which no gravcomp says", link.name)));
-    }
+    expressible(robot)?;
     let mut text = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"{hold}/>\n<worldbody>\n",
         escape(&system.name),
@@ -91,20 +80,7 @@ fn written(
     let means = || scene.colliders.iter().map(|collider| collider.material.mean(&system.spec.material));
     let paired = !system.surfaces.is_empty() || means().any(|m| [m.torsion, m.rolling, m.margin] != [0.0; 3]);
     for (k, (collider, mean)) in scene.colliders.iter().zip(means()).enumerate() {
-        let (kind, size, place) = geom(collider).ok_or_else(|| {
-            MjcfError(format!(
-                "scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh",
-                scene.name
-            ))
-        })?;
-        // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's geoms have
-        // none.
-        let friction = mean.friction;
-        // With this weight the robot's geoms alone determine the softness of a contact.
-        let mix = if material.is_some() { " solmix=\"1e-9\"" } else { "" };
-        let meets =
-            if paired { format!("name=\"scene {k}\" {NONE}") } else { format!("friction=\"{friction}\"{mix} {SCENE}") };
-        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} {meets}/>\n", pose(&place));
+        text += &scene_geom(scene, k, collider, (!paired).then_some(mean.friction), material.is_some())?;
     }
     let inverse = inverse_weights(robot).map_err(MjcfError)?;
     let soft = material.filter(|_| !paired).map(|m| inverse.iter().map(|w| softness(&m, *w)).collect());
@@ -127,6 +103,44 @@ fn written(
         text += &pairs(system, scene, &geoms, material.map(|_| &inverse[..]));
     }
     Ok(text + "</mujoco>\n")
+}
+
+/// Refuses robots that MuJoCo cannot express.
+fn expressible(robot: &Robot) -> Result<(), MjcfError> {
+    if let Some(joint) = robot.follower() {
+        return Err(MjcfError(format!(
+            "joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about",
+            joint.name
+        )));
+    }
+    let partly = |link: &&Link| {
+        link.joint.is_some() && link.lifted.mass > 0.0 && (link.lifted.at - link.inertia.com).amax() > 1e-9
+    };
+    if let Some(link) = robot.links.iter().find(partly) {
+        return Err(MjcfError(format!("weight is taken off a part of link `{}`, which no gravcomp says", link.name)));
+    }
+    Ok(())
+}
+
+/// Geom `k` of a scene, with `friction` unless contacts are by pair. `ours`: with our contact's softness.
+fn scene_geom(
+    scene: &Scene,
+    k: usize,
+    collider: &Collider,
+    friction: Option<f64>,
+    ours: bool,
+) -> Result<String, MjcfError> {
+    let (kind, size, place) = geom(collider).ok_or_else(|| {
+        MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
+    })?;
+    // With this weight the robot's geoms alone determine the softness of a contact.
+    let mix = if ours { " solmix=\"1e-9\"" } else { "" };
+    // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's geoms have none.
+    let meets = match friction {
+        Some(friction) => format!("friction=\"{friction}\"{mix} {SCENE}"),
+        None => format!("name=\"scene {k}\" {NONE}"),
+    };
+    Ok(format!("<geom type=\"{kind}\" size=\"{size}\" {} {meets}/>\n", pose(&place)))
 }
 
 /// Every colliding pair of a robot geom (link and perhaps surface, from `geoms`) and a scene geom, with its contact
@@ -235,6 +249,18 @@ impl Own<'_> {
             *text += &robot.links[i].joint.as_ref().map_or_else(free, own);
         }
         *text += &inertial(&own);
+        // The robot needs no shapes in an empty scene.
+        if !self.scene.colliders.is_empty() {
+            self.geoms(text, geoms, i);
+        }
+        for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
+            self.body(text, geoms, child, &Isometry3::identity(), &[]);
+        }
+        *text += "</body>\n";
+    }
+
+    /// Writes the geoms of link `i`, shapes and points; `geoms` as in [`Self::body`].
+    fn geoms(&self, text: &mut String, geoms: &mut Option<Vec<(usize, Option<usize>)>>, i: usize) {
         let mut meets = |surface: Option<usize>| match geoms {
             Some(geoms) => {
                 geoms.push((i, surface));
@@ -242,33 +268,26 @@ impl Own<'_> {
             }
             None => format!("friction=\"0\"{} {ROBOT}", self.soft[i]),
         };
-        // The robot needs no shapes in an empty scene.
-        if !self.scene.colliders.is_empty() {
-            let (shapes, points) = robot.touching(i);
-            for shape in shapes {
-                let (kind, size) = match shape.kind {
-                    ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
-                    ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
-                    _ => continue,
-                };
-                *text += &format!(
-                    "<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" {}/>\n",
-                    pose(&shape.pose),
-                    meets(shape.surface)
-                );
-            }
-            for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
-                let (place, radius) = (numbers(at.as_slice()), point.radius.max(LEAST));
-                *text += &format!(
-                    "<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n",
-                    meets(point.surface)
-                );
-            }
+        let (shapes, points) = self.robot.touching(i);
+        for shape in shapes {
+            let (kind, size) = match shape.kind {
+                ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
+                ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
+                _ => continue,
+            };
+            *text += &format!(
+                "<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" {}/>\n",
+                pose(&shape.pose),
+                meets(shape.surface)
+            );
         }
-        for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
-            self.body(text, geoms, child, &Isometry3::identity(), &[]);
+        for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
+            let (place, radius) = (numbers(at.as_slice()), point.radius.max(MIN_SIZE));
+            *text += &format!(
+                "<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n",
+                meets(point.surface)
+            );
         }
-        *text += "</body>\n";
     }
 }
 
@@ -319,8 +338,10 @@ fn limit(limit: &Limit, weight: f64) -> String {
     }
     let (k, d) = (limit.stiffness * weight, limit.damping * weight);
     // A locked joint also needs a range.
-    let range = numbers(&[limit.lower, limit.upper.max(limit.lower + LEAST)]);
-    format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+    let range = numbers(&[limit.lower, limit.upper.max(limit.lower + MIN_SIZE)]);
+    format!(
+        "limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{MIN_IMPEDANCE} {MIN_IMPEDANCE} 1 0.5 1\""
+    )
 }
 
 /// `(M^-1)_ii` of each joint at zero coordinates: the inverse inertia by which MuJoCo scales a joint's constraints.
@@ -344,7 +365,7 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
 /// taken at the link's centre of mass at zero coordinates, as mean over directions.
 fn softness(material: &Material, inverse: f64) -> String {
     let (k, d) = (material.stiffness * inverse, material.damping * inverse);
-    format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+    format!(" solref=\"-{k} -{d}\" solimp=\"{MIN_IMPEDANCE} {MIN_IMPEDANCE} 1 0.5 1\"")
 }
 
 fn inertial(link: &Link) -> String {

@@ -11,12 +11,12 @@ use crate::{internal::*, random::direction};
 
 /// Rounds of draws after which a start is accepted even where it is not clear of the scene. A specification changed
 /// after its system was made may have no clear start.
-const ROUNDS: usize = 100;
+const MAX_START_ROUNDS: usize = 100;
 
 /// Draws a start `[q, qd]`. A floating root is drawn in body axes about its default pose, until it is clear of the
 /// scene if required.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
-    (0..ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
+    (0..MAX_START_ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
 /// Ratio of the largest velocities of [`hurry`] to the largest of the reset law: for the Ant up to 6 m/s and 16 rad/s,
@@ -73,7 +73,7 @@ pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
 }
 
 /// Draws after which a peg is left out.
-const PLACES: usize = 20;
+const MAX_PEG_DRAWS: usize = 20;
 
 fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl Rng) -> Vec<Collider> {
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
@@ -90,7 +90,7 @@ fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl 
         };
         peg(&spec, &system.gravity(), system.spec.material)
     };
-    (0..law.count).filter_map(|_| (0..PLACES).map(|_| one()).find(&mut clear)).collect()
+    (0..law.count).filter_map(|_| (0..MAX_PEG_DRAWS).map(|_| one()).find(&mut clear)).collect()
 }
 
 fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut impl Rng) -> Plane {

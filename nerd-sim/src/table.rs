@@ -8,9 +8,9 @@ use csv::StringRecord;
 use crate::{arrays::Arrays, files::LARGEST_TABLE, internal::*};
 
 /// Tolerance of a quaternion's length against 1: files round digits.
-const UNIT: f64 = 1e-3;
+const LENGTH_TOLERANCE: f64 = 1e-3;
 /// Largest length (bytes) of the first line in the search for a delimiter.
-const LINE: u64 = 1 << 20;
+const MAX_FIRST_LINE: u64 = 1 << 20;
 
 pub(crate) struct Table {
     path: PathBuf,
@@ -39,7 +39,7 @@ impl Table {
         crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;
         let mut first = Vec::new();
         BufReader::new(File::open(path).map_err(|e| cannot(&e))?)
-            .take(LINE)
+            .take(MAX_FIRST_LINE)
             .read_until(b'\n', &mut first)
             .map_err(|e| cannot(&e))?;
         let between = [b',', b';', b'\t'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
@@ -166,7 +166,7 @@ impl Row<'_> {
     /// Refuses a quaternion without unit length.
     pub fn unit(&self, columns: &[usize], quaternion: &[f64]) -> Result<(), FileError> {
         let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
-        if (length - 1.0).abs() <= UNIT {
+        if (length - 1.0).abs() <= LENGTH_TOLERANCE {
             return Ok(());
         }
         let names: Vec<&str> = columns.iter().map(|&c| self.names[c].as_str()).collect();

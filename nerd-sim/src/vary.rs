@@ -82,31 +82,8 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         drawn.push(x);
         Some(x)
     };
-    for link in &mut own.robot.links {
-        let body = &mut link.inertia;
-        if let Some(factor) = take("mass", &link.name, &vary.mass, 1.0) {
-            body.mass *= factor;
-            body.inertia *= factor;
-            link.lifted.mass *= factor;
-        }
-        if let Some(factor) = take("inertia", &link.name, &vary.inertia, 1.0) {
-            body.inertia *= factor;
-        }
-        let shift = ["com.x", "com.y", "com.z"].map(|what| take(what, &link.name, &vary.com, 0.0).unwrap_or_default());
-        let shift = link.frame.rotation * Vector3::from(shift);
-        body.com += shift;
-        link.lifted.at += shift;
-    }
-    let friction = take("friction", "", &vary.friction, system.spec.material.friction);
-    let stiffness = take("stiffness", "", &vary.stiffness, 1.0).unwrap_or(1.0);
-    let damping = stiffness * take("contact_damping", "", &vary.contact_damping, 1.0).unwrap_or(1.0);
-    let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
-    for material in scenes.chain([&mut own.spec.material]) {
-        material.friction = friction.unwrap_or(material.friction);
-        material.stiffness *= stiffness;
-        material.damping *= damping;
-    }
-    own.one_friction = friction.or(own.one_friction);
+    own.robot.links.iter_mut().for_each(|link| varied_link(link, vary, &mut take));
+    varied_contact(&mut own, vary, &mut take);
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
@@ -137,6 +114,38 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     *lag += take("lag", "", &vary.lag, 0.0).unwrap_or(0.0);
     own.drawn.clone_from(&drawn);
     Some((own, drawn))
+}
+
+/// Draws a number: name of the range, link or joint, range, nominal value; `None` without a range.
+type Take<'a> = dyn FnMut(&str, &str, &Option<Range>, f64) -> Option<f64> + 'a;
+
+fn varied_link(link: &mut Link, vary: &VarySpec, take: &mut Take) {
+    let body = &mut link.inertia;
+    if let Some(factor) = take("mass", &link.name, &vary.mass, 1.0) {
+        body.mass *= factor;
+        body.inertia *= factor;
+        link.lifted.mass *= factor;
+    }
+    if let Some(factor) = take("inertia", &link.name, &vary.inertia, 1.0) {
+        body.inertia *= factor;
+    }
+    let shift = ["com.x", "com.y", "com.z"].map(|what| take(what, &link.name, &vary.com, 0.0).unwrap_or_default());
+    let shift = link.frame.rotation * Vector3::from(shift);
+    body.com += shift;
+    link.lifted.at += shift;
+}
+
+fn varied_contact(own: &mut System, vary: &VarySpec, take: &mut Take) {
+    let friction = take("friction", "", &vary.friction, own.spec.material.friction);
+    let stiffness = take("stiffness", "", &vary.stiffness, 1.0).unwrap_or(1.0);
+    let damping = stiffness * take("contact_damping", "", &vary.contact_damping, 1.0).unwrap_or(1.0);
+    let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
+    for material in scenes.chain([&mut own.spec.material]) {
+        material.friction = friction.unwrap_or(material.friction);
+        material.stiffness *= stiffness;
+        material.damping *= damping;
+    }
+    own.one_friction = friction.or(own.one_friction);
 }
 
 /// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without `[vary]`

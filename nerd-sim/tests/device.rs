@@ -1,6 +1,8 @@
 //! Kernels of the articulated solver against the solver itself, without a GPU: their text is compiled as C++ for the
 //! CPU.
 
+#[path = "device/back.rs"]
+mod back;
 mod common;
 mod cpp;
 #[path = "device/driven.rs"]
@@ -98,6 +100,42 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     let gains: Vec<f64> = system.joint_specs().map(|j| j.torque.max(0.1) / 8.0).collect();
     let torques = (0..40 * gains.len()).map(|k| gains[k % gains.len()] * (k as f64 * 0.7).sin()).collect();
     Case { batch, torques, config }
+}
+
+/// Errors of the kernels' gradients against the solver's, one an environment, sorted. Each is the largest over next
+/// states and gradients by states and torques, relative to the largest entry of a row.
+fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
+    const ROWS: usize = 2;
+    let (batch, robot) = (&case.batch, &case.batch.system.robot);
+    let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
+    let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
+    goes_back(&case.config, batch).expect("it has gradients on a card");
+    let kernel = format!("gradients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
+    let launches = format!(
+        "for (; blockIdx.y < {ROWS}; blockIdx.y++) for (blockIdx.x = 0; blockIdx.x < {n}; blockIdx.x++) {kernel}
+         std::fprintf(stderr, \"%zu bytes of a thread\\n\", sizeof(Work) + sizeof(Explicit) + sizeof(Back));"
+    );
+    let made = [8 * n * d, 8 * by.len(), 8 * n * ROWS * joints, 4 * n].map(|size| vec![0; size]);
+    let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
+    let found =
+        compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
+    assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
+    let gradients = Articulated::new(case.config).vjp(batch, &case.torques, ROWS, &by).expect("gradients");
+    let mut worst = vec![0.0f64; n];
+    for (found, own, wide) in
+        [(&found[6], &gradients.next, d), (&found[7], &gradients.states, wide), (&found[8], &gradients.torques, joints)]
+    {
+        let found = doubles(found);
+        let rows = found.len() / n / wide.max(1);
+        for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
+            let size = b.iter().fold(1e-6f64, |most, x| most.max(x.abs()));
+            assert!(a.iter().all(|x| x.is_finite()), "{a:?}");
+            let off = a.iter().zip(b).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+            worst[k / rows] = worst[k / rows].max(off / size);
+        }
+    }
+    worst.sort_by(f64::total_cmp);
+    worst
 }
 
 /// A chain of links with two hinges each. Twelve links are deep enough that solver and kernels solve along the tree.
@@ -334,92 +372,4 @@ fn kernels_move_as_the_solver_does() {
             assert!(looped < 1e-9, "{name} on {scene} in loops: {looped:e}");
         }
     }
-}
-
-/// Errors of the kernels' gradients against the solver's, one an environment, sorted. Each is the largest over next
-/// states and gradients by states and torques, relative to the largest entry of a row.
-fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
-    const ROWS: usize = 2;
-    let (batch, robot) = (&case.batch, &case.batch.system.robot);
-    let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
-    let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
-    goes_back(&case.config, batch).expect("it has gradients on a card");
-    let kernel = format!("gradients(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
-    let launches = format!(
-        "for (; blockIdx.y < {ROWS}; blockIdx.y++) for (blockIdx.x = 0; blockIdx.x < {n}; blockIdx.x++) {kernel}
-         std::fprintf(stderr, \"%zu bytes of a thread\\n\", sizeof(Work) + sizeof(Explicit) + sizeof(Back));"
-    );
-    let made = [8 * n * d, 8 * by.len(), 8 * n * ROWS * joints, 4 * n].map(|size| vec![0; size]);
-    let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
-    let found =
-        compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
-    assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
-    let gradients = Articulated::new(case.config).vjp(batch, &case.torques, ROWS, &by).expect("gradients");
-    let mut worst = vec![0.0f64; n];
-    for (found, own, wide) in
-        [(&found[6], &gradients.next, d), (&found[7], &gradients.states, wide), (&found[8], &gradients.torques, joints)]
-    {
-        let found = doubles(found);
-        let rows = found.len() / n / wide.max(1);
-        for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
-            let size = b.iter().fold(1e-6f64, |most, x| most.max(x.abs()));
-            assert!(a.iter().all(|x| x.is_finite()), "{a:?}");
-            let off = a.iter().zip(b).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
-            worst[k / rows] = worst[k / rows].max(off / size);
-        }
-    }
-    worst.sort_by(f64::total_cmp);
-    worst
-}
-
-#[test]
-fn kernels_go_back_as_the_solver_does() {
-    let Some(compiler) = Compiler::find() else { return };
-    let on_ground =
-        [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
-    let flying = ["pendulum", "cartpole", "franka", "ant", "cube"].map(|name| (name, "free"));
-    let mut cases: Vec<Case> = on_ground
-        .into_iter()
-        .chain(flying)
-        .map(|(name, scene)| sampled(name, scene, ArticulatedConfig::accurate(&built_in(name))))
-        .collect();
-    // So fast that the energy check of every third frame requires more substeps.
-    for fast in [0, 5] {
-        cases[fast].batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 2.0);
-    }
-    // Drives, some of them at their torque limit, on the ground and in the free scene.
-    for scene in ["ground", "free"] {
-        let mut case = sampled("ant", scene, ArticulatedConfig::accurate(&built_in("ant")));
-        let drive = |k: usize| Drive { kp: 50.0, kd: 3.0, target: 0.5 * (k as f64).sin(), speed: 0.1, effort: 8.0 };
-        case.batch.drives = (0..case.torques.len()).map(drive).collect();
-        cases.push(case);
-    }
-    // Joints with friction and springs, one too stiff for its substep, in the free scene.
-    let mut system = System::bare("chain", &chain(1), false).expect("a robot");
-    for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
-        (joint.stiffness, joint.rest, joint.friction) = numbers;
-    }
-    let mut batch = batch(&Arc::new(system), "free", 40);
-    batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = 0.5 * (k as f64).sin());
-    cases.push(Case { batch, torques: vec![1e-3; 80], config: ArticulatedConfig::implicit(4, Friction::Coulomb) });
-    for case in cases {
-        let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
-        let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
-        // In one environment f32 may take the other side of a kink, or suffer cancellation of far larger gradients.
-        assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
-    }
-}
-
-#[test]
-fn frames_finer_than_is_kept_go_back_by_what_is_kept() {
-    let Some(compiler) = Compiler::find() else { return };
-    let mut case = sampled("pendulum", "ground1", ArticulatedConfig::implicit(1, Friction::Coulomb));
-    case.batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 6.0);
-    let apart = back_apart(&case, &compiler, Real::F64);
-    let whole = apart.iter().filter(|off| **off < 1e-9).count();
-    assert!(
-        (1..apart.len()).contains(&whole),
-        "{whole} of {} frames as the solver: some should ask for more than is kept, not all",
-        apart.len()
-    );
 }

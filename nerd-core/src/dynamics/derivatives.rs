@@ -28,6 +28,70 @@ struct Column {
     second: Motion,
 }
 
+/// Sums over each link's subtree: inertias, those of the gravity-compensated masses, B, forces and external wrenches.
+struct Subtrees {
+    inertia: Vec<Matrix6<f64>>,
+    lifted: Vec<Matrix6<f64>>,
+    b: Vec<Matrix6<f64>>,
+    force: Vec<Wrench>,
+    pushed: Vec<Wrench>,
+}
+
+impl Subtrees {
+    fn new(robot: &Robot, gravity: &Vector3<f64>, external: &[Wrench], data: &Data) -> Self {
+        let n = robot.links.len();
+        let rise = Motion::new(Vector3::zeros(), *gravity);
+        let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
+        let point = |i: usize| {
+            let PointMass { mass, at } = robot.links[i].lifted;
+            let own = BodyInertia { mass, com: at, inertia: Matrix3::zeros() };
+            SpatialInertia::of(&own, &data.rotation[i], &data.position[i]).matrix()
+        };
+        let mut lifted: Vec<Matrix6<f64>> = (0..n).map(point).collect();
+        let mut b: Vec<Matrix6<f64>> =
+            (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
+        let mut force: Vec<Wrench> = (0..n)
+            .map(|i| {
+                let (own, v) = (&data.inertia[i], &data.velocity[i]);
+                let weight = Wrench::from_slice((lifted[i] * rise.vector()).as_slice());
+                own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v)) + weight
+            })
+            .collect();
+        let mut pushed = external.to_vec();
+        // From the leaves to the root.
+        for i in (0..n).rev() {
+            if let Some(p) = robot.links[i].parent {
+                let (own, ol, ob, of, oe) = (inertia[i], lifted[i], b[i], force[i], pushed[i]);
+                inertia[p] += own;
+                lifted[p] += ol;
+                b[p] += ob;
+                force[p] += of;
+                pushed[p] += oe;
+            }
+        }
+        Self { inertia, lifted, b, force, pushed }
+    }
+}
+
+/// Columns of a floating root, then of the joints in the order of their links.
+fn columns(robot: &Robot, gravity: &Vector3<f64>, data: &Data) -> Vec<Column> {
+    let base = Motion::new(Vector3::zeros(), -gravity);
+    let column = |i: usize| {
+        let (v, a) =
+            robot.links[i].parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
+        let axis = data.axis[i];
+        let first = v.cross(&axis);
+        Column { dof: data.dof[i], link: i, axis, first, second: a.cross(&axis) + v.cross(&first) }
+    };
+    let root = |k: usize| {
+        let axis = Motion::unit(k);
+        // The root's rates are along fixed world axes, which do not rotate with it: half of v x S.
+        Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
+    };
+    let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
+    roots.into_iter().chain((usize::from(robot.floating())..robot.links.len()).map(column)).collect()
+}
+
 impl Derivatives {
     /// Zero derivatives for `robot`.
     pub fn new(robot: &Robot) -> Self {
@@ -56,61 +120,30 @@ impl Derivatives {
         crba(robot, data);
         rnea(robot, qd, qdd, gravity, data);
         let external = std::mem::take(&mut data.external);
-        let n = robot.links.len();
-        let base = Motion::new(Vector3::zeros(), -gravity);
-        let rise = Motion::new(Vector3::zeros(), *gravity);
-        // Composite inertias, B and forces, from the leaves to the root.
-        let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
-        let point = |i: usize| {
-            let PointMass { mass, at } = robot.links[i].lifted;
-            SpatialInertia::of(
-                &BodyInertia { mass, com: at, inertia: Matrix3::zeros() },
-                &data.rotation[i],
-                &data.position[i],
-            )
-            .matrix()
-        };
-        let mut lifted: Vec<Matrix6<f64>> = (0..n).map(point).collect();
-        let mut b: Vec<Matrix6<f64>> =
-            (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
-        let mut force: Vec<Wrench> = (0..n)
-            .map(|i| {
-                let (own, v) = (&data.inertia[i], &data.velocity[i]);
-                let weight = Wrench::from_slice((lifted[i] * rise.vector()).as_slice());
-                own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v)) + weight
-            })
-            .collect();
-        let mut pushed = external.clone();
-        for i in (0..n).rev() {
-            if let Some(p) = robot.links[i].parent {
-                let (own, ol, ob, of, oe) = (inertia[i], lifted[i], b[i], force[i], pushed[i]);
-                inertia[p] += own;
-                lifted[p] += ol;
-                b[p] += ob;
-                force[p] += of;
-                pushed[p] += oe;
-            }
-        }
-        let column = |i: usize| {
-            let (v, a) =
-                robot.links[i].parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
-            let axis = data.axis[i];
-            let first = v.cross(&axis);
-            Column { dof: data.dof[i], link: i, axis, first, second: a.cross(&axis) + v.cross(&first) }
-        };
-        let root = |k: usize| {
-            let axis = Motion::unit(k);
-            // The root's rates are along fixed world axes, which do not rotate with it: half of v x S.
-            Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
-        };
-        let first = usize::from(robot.floating());
-        let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
-        // Offset between link index and column index: a floating root has six columns, a joint one.
-        let lead = roots.len() - first;
-        let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
+        let sums = Subtrees::new(robot, gravity, &external, data);
+        let columns = columns(robot, gravity, data);
         self.q.fill(0.0);
         self.qd.fill(0.0);
-        for low in &columns {
+        self.pairs(robot, gravity, &sums, &columns);
+        if robot.floating() {
+            self.turn_root(qd, qdd, gravity, &sums, &columns, data);
+            for (k, c) in (0..3).flat_map(|k| columns.iter().map(move |c| (k, c))) {
+                let turned = Motion::new(Vector3::zeros(), Vector3::ith(k, 1.0).cross(gravity));
+                self.q[(c.dof, k)] -= c.axis.vector().dot(&(sums.lifted[c.link] * turned.vector()));
+            }
+            (0..6).for_each(|k| self.qd[(k, k)] += robot.free.damping);
+        }
+        data.external = external;
+    }
+
+    /// Adds the derivatives of every joint's torque with respect to the coordinates of itself and its ancestors, and of
+    /// theirs with respect to its own.
+    fn pairs(&mut self, robot: &Robot, gravity: &Vector3<f64>, sums: &Subtrees, columns: &[Column]) {
+        let Subtrees { inertia, lifted, b, force, pushed } = sums;
+        let rise = Motion::new(Vector3::zeros(), *gravity);
+        // Offset between link index and column index: a floating root has six columns, a joint one.
+        let lead = columns.len() - robot.links.len();
+        for low in columns {
             let (i, own) = (low.link, low.axis.vector());
             let (down, turned) = (inertia[i] * own, b[i].transpose() * own * 2.0);
             let below = b[i] * low.first.vector() * 2.0
@@ -136,30 +169,20 @@ impl Derivatives {
                 }
             }
         }
-        if robot.floating() {
-            self.turn_root(qd, qdd, gravity, &force[0], &pushed, &columns, data);
-            for (k, c) in (0..3).flat_map(|k| columns.iter().map(move |c| (k, c))) {
-                let turned = Motion::new(Vector3::zeros(), Vector3::ith(k, 1.0).cross(gravity));
-                self.q[(c.dof, k)] -= c.axis.vector().dot(&(lifted[c.link] * turned.vector()));
-            }
-            (0..6).for_each(|k| self.qd[(k, k)] += robot.free.damping);
-        }
-        data.external = external;
     }
 
     /// Columns of a floating root's rotation: the inverse rotation of rates, accelerations and gravity, and the
     /// rotation of the root's wrench.
-    #[allow(clippy::too_many_arguments)]
     fn turn_root(
         &mut self,
         qd: &[f64],
         qdd: &[f64],
         gravity: &Vector3<f64>,
-        force: &Wrench,
-        pushed: &[Wrench],
+        Subtrees { force, pushed, .. }: &Subtrees,
         columns: &[Column],
         data: &Data,
     ) {
+        let force = &force[0];
         self.q.columns_mut(0, 6).fill(0.0);
         for k in 0..3 {
             let e = Vector3::ith(k, 1.0);

@@ -10,7 +10,7 @@ use super::{
 use crate::spatial::{BodyInertia, PointMass};
 
 /// Bound on mass (kg), centre of mass (m) and inertia (kg m^2) of a link, so that products of a few stay finite.
-const LARGEST: f64 = 1e60;
+const MAX_INERTIAL: f64 = 1e60;
 
 /// Welds a body of the file to moving link `host`, at `pose` in the link frame.
 pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut UrdfRobot) -> Result<(), UrdfError> {
@@ -33,7 +33,7 @@ pub(super) fn lump(source: &Body, pose: &Isometry3<f64>, host: usize, read: &mut
         target.inertia.welded(&body.transformed(&place.rotation.to_rotation_matrix(), &place.translation.vector));
     target.lifted = target.lifted.with(&PointMass { mass: source.lifted * mass, at: place.translation.vector });
     let sum = &target.inertia;
-    if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
+    if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < MAX_INERTIAL) {
         return Err(wrong("mass, inertia or place is too large to compute with".into()));
     }
     shapes(source, pose, Some(host), read);

@@ -2,7 +2,7 @@
 
 use crate::prelude::*;
 
-const LISTED: usize = 10;
+const MAX_LISTED: usize = 10;
 
 /// A robot has no part with this name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -93,8 +93,8 @@ fn near<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
         |k: &&&str| strsim::osa_distance(k, name) <= 2 || !name.is_empty() && (k.contains(name) || name.contains(**k));
     let close: Vec<&str> = known.iter().filter(alike).copied().collect();
     let (word, names) = if close.is_empty() { ("it has", known) } else { ("near are", close) };
-    let quoted: Vec<String> = names.iter().take(LISTED).map(|n| format!("`{n}`")).collect();
-    let more = names.len().saturating_sub(LISTED);
+    let quoted: Vec<String> = names.iter().take(MAX_LISTED).map(|n| format!("`{n}`")).collect();
+    let more = names.len().saturating_sub(MAX_LISTED);
     match quoted.len() {
         0 => "it has none".into(),
         _ if more > 0 => format!("{word} {} and {more} more", quoted.join(", ")),

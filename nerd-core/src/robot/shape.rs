@@ -3,7 +3,7 @@
 use crate::prelude::*;
 
 /// Radius of the contact ball at a corner or an edge (m).
-const SHARP: f64 = 1e-5;
+const SHARP_RADIUS: f64 = 1e-5;
 
 /// A primitive collision shape fixed on a link.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,13 +41,13 @@ impl Shape {
                 let axis = self.pose.rotation * Vector3::z_axis();
                 [half_length, -half_length]
                     .into_iter()
-                    .flat_map(|z| ContactPoint::disc(link, at(Vector3::z() * z), axis, radius, SHARP))
+                    .flat_map(|z| ContactPoint::disc(link, at(Vector3::z() * z), axis, radius, SHARP_RADIUS))
                     .collect()
             }
             ShapeKind::Box { half } => {
                 let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
                 (0..8)
-                    .map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), SHARP))
+                    .map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), SHARP_RADIUS))
                     .collect()
             }
         };

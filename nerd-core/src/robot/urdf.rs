@@ -10,7 +10,7 @@ use super::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, Form, FreeRoot, S
 use crate::spatial::BodyInertia;
 
 /// Largest coordinate of a pose (m, rad), joint limit, size, damping and dry friction (SI).
-const FAR: f64 = 1e9;
+const MAX_COORDINATE: f64 = 1e9;
 
 impl Bodies {
     /// Reads the text of a URDF. Also returns the assumptions made where it is silent, one line each. A visual that
@@ -75,7 +75,7 @@ fn body(source: &urdf_rs::Link, visuals: Vec<Solid>) -> Result<Body, UrdfError> 
         let form = form(&collision.geometry);
         match &form {
             // -0.0 is refused too: physics engines assert on it.
-            Form::Shape(kind) if !sizes(kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => {
+            Form::Shape(kind) if !sizes(kind).iter().all(|x| x.is_sign_positive() && *x <= MAX_COORDINATE) => {
                 Err(wrong("a collision shape has a negative size, or one that is not finite or absurd"))
             }
             _ => Ok(Solid { pose, form, surface: None }),
@@ -91,19 +91,7 @@ fn joint(
     notes: &mut Vec<String>,
 ) -> Result<BodyJoint, UrdfError> {
     let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
-    let kind = match source.joint_type {
-        JointType::Fixed => BodyJointKind::Fixed,
-        JointType::Revolute => BodyJointKind::Revolute,
-        JointType::Continuous => BodyJointKind::Continuous,
-        JointType::Prismatic => BodyJointKind::Prismatic,
-        JointType::Planar => BodyJointKind::Planar,
-        JointType::Floating => BodyJointKind::Floating,
-        ref other => {
-            return Err(wrong(&format!(
-                "type {other:?} is not supported; write it as revolute, continuous or prismatic joints"
-            )));
-        }
-    };
+    let kind = kind(source)?;
     let origin = isometry(&source.origin);
     let mut joint =
         BodyJoint { kind, ..BodyJoint::fixed(source.name.clone(), [parent, child], origin.unwrap_or_default()) };
@@ -152,6 +140,22 @@ fn joint(
     Ok(joint)
 }
 
+fn kind(source: &urdf_rs::Joint) -> Result<BodyJointKind, UrdfError> {
+    Ok(match source.joint_type {
+        JointType::Fixed => BodyJointKind::Fixed,
+        JointType::Revolute => BodyJointKind::Revolute,
+        JointType::Continuous => BodyJointKind::Continuous,
+        JointType::Prismatic => BodyJointKind::Prismatic,
+        JointType::Planar => BodyJointKind::Planar,
+        JointType::Floating => BodyJointKind::Floating,
+        ref other => {
+            let reason =
+                format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints");
+            return Err(UrdfError::joint(&source.name, reason));
+        }
+    })
+}
+
 /// Limits of a hinge or a slide.
 fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64; 2]>, UrdfError> {
     let (limit, wrong) = (&source.limit, |reason: &str| UrdfError::joint(&source.name, reason));
@@ -163,11 +167,11 @@ fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64
         }
         (lower, upper) if lower > upper => Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
         // URDF 1.2 leaves out both limits to mean none; other tools write huge ones.
-        (lower, upper) if lower <= -FAR && upper >= FAR => {
+        (lower, upper) if lower <= -MAX_COORDINATE && upper >= MAX_COORDINATE => {
             notes.push(format!("joint `{}`: <limit> has no bounds, and limits nothing", source.name));
             Ok(None)
         }
-        (lower, upper) if lower >= -FAR && upper <= FAR => Ok(Some([lower, upper])),
+        (lower, upper) if lower >= -MAX_COORDINATE && upper <= MAX_COORDINATE => Ok(Some([lower, upper])),
         _ => Err(wrong("a limit is not finite, or beyond 1e9; give both ends or neither")),
     }
 }
@@ -183,10 +187,10 @@ fn axis(source: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, UrdfError> {
 fn losses(source: &urdf_rs::Joint) -> Result<(f64, f64), UrdfError> {
     let Some(dynamics) = &source.dynamics else { return Ok((0.0, 0.0)) };
     for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
-        if !(0.0..=FAR).contains(&value) {
+        if !(0.0..=MAX_COORDINATE).contains(&value) {
             return Err(UrdfError::joint(
                 &source.name,
-                format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed"),
+                format!("{what} is {value:e}; a number from 0 to {MAX_COORDINATE:e} is needed"),
             ));
         }
     }
@@ -216,10 +220,10 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
     }
 }
 
-/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and within `FAR`.
+/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and within `MAX_COORDINATE`.
 fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
     let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
-    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= FAR);
+    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= MAX_COORDINATE);
     finite
         .then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }

@@ -5,7 +5,7 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use super::{Form, ShapeKind, Solid};
 
 /// Largest coordinate, angle and size (m, rad).
-const FAR: f64 = 1e6;
+const MAX_COORDINATE: f64 = 1e6;
 
 /// The `<visual>`s of each link, in the order of the file.
 #[derive(Default)]
@@ -61,7 +61,7 @@ fn word<'a>(attributes: &'a [(String, String)], key: &str) -> Option<&'a str> {
 
 fn numbers<const N: usize>(attributes: &[(String, String)], key: &str) -> Option<[f64; N]> {
     let all: Vec<f64> = word(attributes, key)?.split_whitespace().filter_map(|x| x.parse().ok()).collect();
-    all.try_into().ok().filter(|all: &[f64; N]| all.iter().all(|x| x.abs() < FAR))
+    all.try_into().ok().filter(|all: &[f64; N]| all.iter().all(|x| x.abs() < MAX_COORDINATE))
 }
 
 fn origin(attributes: &[(String, String)]) -> Option<Isometry3<f64>> {

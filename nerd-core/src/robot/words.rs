@@ -41,7 +41,7 @@ fn numbers(element: &str, attribute: &str) -> Option<usize> {
 const OTHERS: [(&str, &str); 3] = [("sdf", "an SDF file"), ("mujoco", "an MJCF file"), ("COLLADA", "a COLLADA mesh")];
 
 /// Largest edit distance of a misspelt word.
-const SLIPS: usize = 2;
+const MAX_EDIT_DISTANCE: usize = 2;
 
 fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a str]> {
     table.iter().find(|(name, _)| *name == element).map(|(_, words)| *words)
@@ -112,5 +112,5 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
 
 /// The known word that `word` misspells. Words far from all known ones are extensions, common in real files.
 fn meant<'a>(known: &[&'a str], word: &str) -> Option<&'a str> {
-    known.iter().find(|k| strsim::osa_distance(k, word) <= SLIPS).copied()
+    known.iter().find(|k| strsim::osa_distance(k, word) <= MAX_EDIT_DISTANCE).copied()
 }

@@ -9,7 +9,7 @@ use quick_xml::events::{BytesStart, Event, attributes::Attribute};
 use super::{Solid, UrdfError, visual::Looks, words::check};
 
 /// Greatest nesting depth. urdf-rs recurses and overflows the stack far beyond it.
-const DEEPEST: usize = 64;
+const MAX_DEPTH: usize = 64;
 /// Elements that do not affect motion. Files often leave them incomplete, which urdf-rs refuses.
 const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibration", "transmission"];
 
@@ -42,8 +42,8 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
             Event::Eof => return Ok((out, looks.solids())),
             Event::Start(tag) | Event::Empty(tag) => {
                 let empty = matches!(event, Event::Empty(_));
-                if path.len() == DEEPEST {
-                    return Err(refused(&path, at(start), &format!("elements nested more than {DEEPEST} deep")));
+                if path.len() == MAX_DEPTH {
+                    return Err(refused(&path, at(start), &format!("elements nested more than {MAX_DEPTH} deep")));
                 }
                 let (name, attributes) = (name(tag), attributes(tag));
                 let own =

@@ -114,7 +114,8 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
     Surface surface[NC + 1];
     int surfaces = 0;
     const double origin[3] = {0, 0, 0};
-    for (int c = 0; c < NC && (int)scene[3 + COLLIDER * c]; c++) read(surface[surfaces++], scene + 3 + COLLIDER * c, origin);
+    for (int c = 0; c < NC && (int)scene[3 + COLLIDER * c]; c++)
+        read(surface[surfaces++], scene + 3 + COLLIDER * c, origin);
     double glided[GRIPPER];
     rods(state, memo);
     glide(memo, tau, glided);

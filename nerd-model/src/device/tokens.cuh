@@ -65,7 +65,8 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
         if (!MOVING) continue;
         const V3 speed = seen ? at(t.velocity[POINT_LINK[p]], facing(t, p, e.normal, true)) : none;
         put(token, SPEEDS + 3 * p, back(r, speed));
-        for (int ahead = 0; ahead < 2; ahead++) put(token, NEARS + ahead * NP + p, seen ? nearness(gap(e, p, speed, ahead)) : (real)1);
+        for (int ahead = 0; ahead < 2; ahead++)
+            put(token, NEARS + ahead * NP + p, seen ? nearness(gap(e, p, speed, ahead)) : (real)1);
     }
     for (int i = 1 + lane; SITUATED && MOVING && i < NL; i += lanes)
         for (int k = 0; k < 2; k++) put(token, AXES + 6 * (i - 1) + 3 * k, back(r, column(t.rotation[i], k)));
@@ -140,7 +141,8 @@ BIG int apply(double* state, const float* prediction) {
         double w[3], v[3];
         rotate(s, change + NQ, 1, w);
         rotate(s, change + NQ + 3, 1, v);
-        const double cross[3] = {state[1] * w[2] - state[2] * w[1], state[2] * w[0] - state[0] * w[2], state[0] * w[1] - state[1] * w[0]};
+        const double cross[3] = {state[1] * w[2] - state[2] * w[1], state[2] * w[0] - state[0] * w[2],
+                                 state[0] * w[1] - state[1] * w[0]};
         for (int k = 0; k < 3; k++) {
             next[NQ + k] = state[NQ + k] + w[k];
             next[NQ + 3 + k] = state[NQ + 3 + k] + cross[k] + v[k];

@@ -19,9 +19,11 @@ FN void change_back(const double* state, const float* said, const double* behind
     const double q[4] = {c[0] / length, c[1] / length, c[2] / length, c[3] / length};
     const M3 n = matrix(read4(q));
     const V3 d = read3(change), spin = a + read3(change + NQ), speed = b + read3(change + NQ + 3) + cross(spin, d);
-    const V3 by_turn = read3(behind), by_x = n * read3(behind + 3), by_a = read3(behind + NV), by_b = read3(behind + NV + 3);
+    const V3 by_turn = read3(behind), by_x = n * read3(behind + 3), by_a = read3(behind + NV),
+             by_b = read3(behind + NV + 3);
     const V3 by_spin = n * by_a, by_speed = n * by_b, by_own = by_spin + cross(d, by_speed);
-    const V3 by_n = (by_turn + cross(by_a, back(n, spin)) + cross(by_b, back(n, speed))) * (2 / length), v = v3(q[0], q[1], q[2]);
+    const V3 by_n = (by_turn + cross(by_a, back(n, spin)) + cross(by_b, back(n, speed))) * (2 / length),
+             v = v3(q[0], q[1], q[2]);
     put3(by_change, by_x + cross(by_speed, spin));
     put3(by_change + 3, by_n * q[3] + cross(v, by_n));
     by_change[6] = -dot(v, by_n);
@@ -127,7 +129,8 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
             const int nears = STATE + 10 * NP + p;
             const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), speed = at(t.velocity[link], place);
             const double now = by[nears] / SCALE[nears] * nearness_gradient(gap(e, p, speed, 0));
-            const double later = by[nears + NP] / SCALE[nears + NP] * nearness_gradient(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
+            const double later = by[nears + NP] / SCALE[nears + NP] * nearness_gradient(gap(e, p, speed, 1)),
+                         by_closing = later * FRAME_TIME;
             by_depth += now + later;
             const V3 along = r * by_speed + e.normal * by_closing;
             impulse[link] = impulse[link] + wrench(cross(place, along), along);
@@ -170,7 +173,8 @@ FN void said_back(const double* state, const float* said, const double* behind, 
 }
 
 // Gradient with respect to a state, from the gradients with respect to the next state and to its token.
-FN void frame_back(const double* state, const double* scene, const float* said, const float* by_token, const double* behind, double* gradient) {
+FN void frame_back(const double* state, const double* scene, const float* said, const float* by_token,
+                   const double* behind, double* gradient) {
     double by_change[STATE];
     for (int i = 0; i < 2 * NV; i++) gradient[i] = 0;
     apply_back(state, said, behind, by_change, gradient);

@@ -31,7 +31,9 @@ FN float power(float x) {
 // x (1 + erf(x / sqrt 2)) / 2 within 1e-6: the normal tail beyond |x| is 2 to the power of a polynomial.
 FN float gelu(float x) {
     const float y = fabsf(x);
-    const float log = -1.0000377f + y * (-1.1507878f + y * (-0.45999244f + y * (-0.051827382f + y * (0.0070845573f - y * 0.00047330931f))));
+    const float log =
+        -1.0000377f
+        + y * (-1.1507878f + y * (-0.45999244f + y * (-0.051827382f + y * (0.0070845573f - y * 0.00047330931f))));
     return fmaxf(x, 0) - y * power(log);
 }
 

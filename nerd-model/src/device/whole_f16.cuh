@@ -44,7 +44,10 @@ FN void ahead(Weights& w, int slot) {
 #pragma unroll
     for (int j = 0; j < TILES; j++) {
         Two& own = w.ring[slot][j];
-        asm volatile("ld.global.L1::no_allocate.v2.u32 {%0, %1}, [%2];" : "=r"(own.x), "=r"(own.y) : "l"(w.at + 32 * j) : "memory");
+        asm volatile("ld.global.L1::no_allocate.v2.u32 {%0, %1}, [%2];"
+                     : "=r"(own.x), "=r"(own.y)
+                     : "l"(w.at + 32 * j)
+                     : "memory");
     }
     w.at += 4 * E;
 }
@@ -80,9 +83,11 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
                 for (int m = 0; m < BANDS; m++) {
                     const unsigned* own = a[slot % 2][m];
                     float* d = sum.x[m][j];
-                    asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
+                    asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 "
+                        "{%0, %1, %2, %3}, {%4, %5, %6, %7}, {%8, %9}, {%0, %1, %2, %3};"
                         : "+f"(d[0]), "+f"(d[1]), "+f"(d[2]), "+f"(d[3])
-                        : "r"(own[0]), "r"(own[1]), "r"(own[2]), "r"(own[3]), "r"(w.ring[slot][j].x), "r"(w.ring[slot][j].y));
+                        : "r"(own[0]), "r"(own[1]), "r"(own[2]), "r"(own[3]), "r"(w.ring[slot][j].x),
+                          "r"(w.ring[slot][j].y));
                 }
             ahead(w, slot);
             // Otherwise the compiler delays all reads to the end of the loop body, just before their use.
@@ -102,7 +107,9 @@ FN half rounded(float x) {
     const float part = std::frexp(size, &e);
     const int sign = std::signbit(x) ? 1 << 15 : 0;
     if (!(size < 65520)) return sign | (size == size ? 31 << 10 : 0x7e00);
-    return sign | (size < 0x1p-14f ? (int)std::nearbyint(std::ldexp(size, 24)) : ((e + 14) << 10) + (int)std::nearbyint(part * 2048) - 1024);
+    return sign
+           | (size < 0x1p-14f ? (int)std::nearbyint(std::ldexp(size, 24))
+                              : ((e + 14) << 10) + (int)std::nearbyint(part * 2048) - 1024);
 }
 FN float value(half h) {
     const int e = h >> 10 & 31, m = h & 1023;
@@ -181,7 +188,8 @@ FN void norm(Sum& x, const float* weight, float* parts, half* y, half* left) {
     total(x, parts + ROWS * WARPS, scale, [&](int line, float x) { return (x - mean[line]) * (x - mean[line]); });
     for (int line = 0; line < LINES; line++) scale[line] = 1 / sqrtf(scale[line] / E + 1e-5f);
     each(x, [&](int line, int row, int c, float& a, float& b) {
-        const float one = read(weight + c) * (a - mean[line]) * scale[line], two = read(weight + c + 1) * (b - mean[line]) * scale[line];
+        const float one = read(weight + c) * (a - mean[line]) * scale[line],
+                    two = read(weight + c + 1) * (b - mean[line]) * scale[line];
         put(y + row * LX + c, left ? left + row * LX + c : 0, one, two);
     });
     SYNC;
@@ -217,7 +225,9 @@ FN void pass(const float* w, const float* tokens, float* out, float* s, int rows
                 fill(wide, 0);
                 product<E / 16, LX>(x, weights, wide);
                 // The two factors of a gated unit are side by side.
-                each(wide, [&](int, int row, int c, float& a, float& b) { put(here + row * LH + (part * E + c) / 2, gelu(a) * b); });
+                each(wide, [&](int, int row, int c, float& a, float& b) {
+                    put(here + row * LH + (part * E + c) / 2, gelu(a) * b);
+                });
             }
             SYNC;
             product<E / 16, LH>(here, weights, stream);

@@ -12,9 +12,9 @@ use crate::prelude::*;
 
 /// Least cost of the matrix's factorisation, in multiplications per DoF, to use the tree. By measurement: quadrupeds
 /// with legs of three joints gain little or lose, humanoids and chains of twenty hinges gain.
-const DEEP: usize = 60;
+const MIN_FACTOR_COST: usize = 60;
 /// Least number of joints with springs in a chain that may whip, however short.
-const CHAIN: usize = 3;
+const MIN_WHIP_JOINTS: usize = 3;
 
 /// Whether a robot's implicit steps are solved along its tree, and checked for whips; else by its matrix.
 pub fn along(robot: &Robot) -> bool {
@@ -22,12 +22,12 @@ pub fn along(robot: &Robot) -> bool {
         nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
     let mut depths: Vec<usize> = Vec::new();
     above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
-    chained(robot) || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
+    chained(robot) || depths.iter().map(|d| d * d).sum::<usize>() >= MIN_FACTOR_COST * robot.nv()
 }
 
-/// Whether a robot has at least `CHAIN` joints with springs.
+/// Whether a robot has at least `MIN_WHIP_JOINTS` joints with springs.
 pub(super) fn chained(robot: &Robot) -> bool {
-    robot.joints().filter(|j| j.stiffness > 0.0).count() >= CHAIN
+    robot.joints().filter(|j| j.stiffness > 0.0).count() >= MIN_WHIP_JOINTS
 }
 
 pub(super) struct Tree {

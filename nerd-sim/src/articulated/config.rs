@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::prelude::*;
-use crate::{range::within, system::MOST_SUBSTEPS};
+use crate::{range::within, system::MAX_SUBSTEPS};
 
 /// Integrator of frames without contact; explicit steps with contact are always symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -129,7 +129,7 @@ impl ArticulatedConfig {
     /// Refuses numbers of substeps outside their range.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
-            within(format_args!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+            within(format_args!("articulated: {key}"), n as f64, 1.0..=MAX_SUBSTEPS as f64, "")?;
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use crate::prelude::*;
 use crate::solver::gone;
 
 /// Margin (m) of contact queries that serve a whole frame, beyond twice the distance that a point covers.
-const BEYOND: f64 = 0.1;
+const QUERY_MARGIN: f64 = 0.1;
 
 impl Workspace {
     /// Steps a frame explicitly; `false` if a joint or a friction was too stiff.
@@ -40,7 +40,7 @@ impl Workspace {
                 // planes, as in the reference. If the matrix is renewed every substep, so are the queries.
                 if renew {
                     let held = config.refresh == Refresh::Frame;
-                    let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
+                    let (time, margin) = if held { (2.0 * system.frame_time, QUERY_MARGIN) } else { (0.0, 0.0) };
                     self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
                 if !self.contact_wrenches(asked, qd, dt, 1.0 / substeps as f64) {

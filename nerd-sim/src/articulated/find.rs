@@ -11,28 +11,30 @@ impl Workspace {
     /// Finds all points and joints that are beyond their surface or limit during any part of the substep. Pose and
     /// kinematics are at its middle.
     pub(super) fn find(&mut self, system: &System, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
-        let (robot, materials) = (&system.robot, &self.materials);
+        let robot = &system.robot;
         velocities(robot, qd, &mut self.data);
+        self.touches.touches.clear();
+        self.touches.columns.clear();
+        self.find_contacts(system, scene, h);
+        self.find_friction(robot, qd);
+        let pairs = robot.contact_points.len() * scene.colliders.len();
+        self.find_drives(robot, pairs, q, qd);
+        self.find_limits(robot, pairs, q, qd, h);
+    }
+
+    /// Finds the contacts, from the frame's contact events.
+    fn find_contacts(&mut self, system: &System, scene: &Scene, h: f64) {
+        let (robot, materials, data) = (&system.robot, &self.materials, &self.data);
         // Gravity may land a point within this distance (m), although its present velocity would not.
         let fall = h * h * scene.gravity.norm();
-        let Touches { touches, columns, tree, pull, may_gain_energy, .. } = &mut self.touches;
-        touches.clear();
-        columns.clear();
-        let (data, dofs) = (&self.data, robot.root_dofs());
+        let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let Some(whole) = materials.of(system, point, &scene.colliders[event.collider], event.collider) else {
                 continue;
             };
-            let rotation = &data.rotation[point.link];
-            let local = match point.locus {
-                Locus::Fixed => point.local,
-                _ => match roams(point, data, event, whole.margin + fall, 0.5 * h) {
-                    Some(local) => local,
-                    None => continue,
-                },
-            };
-            let x = data.position[point.link] + rotation * local - n * point.radius;
+            let Some(local) = place(point, data, event, whole.margin + fall, 0.5 * h) else { continue };
+            let x = data.position[point.link] + data.rotation[point.link] * local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let middle = n.dot(&(x - (event.p1 - data.origin))) - whole.margin;
             let way = 0.5 * h * n.dot(&velocity);
@@ -41,10 +43,7 @@ impl Workspace {
                 continue;
             };
             *may_gain_energy |= !point.locus.is_fixed();
-            let mut turning = Turning::default();
-            if whole.torsion > 0.0 || whole.rolling > 0.0 {
-                (turning.spin, turning.gyration) = (data.velocity[point.link].ang, gyration(&robot.links[point.link]));
-            }
+            let turning = turning(robot, data, point.link, &whole);
             let start = columns.len();
             if tree.is_none() {
                 above(robot, data, point.link, &x, columns);
@@ -73,11 +72,20 @@ impl Workspace {
                 force: Vector3::zeros(),
             }));
         }
-        let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
+    }
+
+    /// Finds the joints with dry friction.
+    fn find_friction(&mut self, robot: &Robot, qd: &[f64]) {
+        let (touches, dofs) = (&mut self.touches.touches, robot.root_dofs());
         for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0)
         {
             touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], drag: 0.0 }));
         }
+    }
+
+    /// Finds the drives; `pairs`: number of pairs of point and collider.
+    fn find_drives(&mut self, robot: &Robot, pairs: usize, q: &[f64], qd: &[f64]) {
+        let (touches, dofs, joints) = (&mut self.touches.touches, robot.root_dofs(), robot.joint_count());
         for ((joint, modelled), drive) in robot.joints().enumerate().zip(&self.drives) {
             let (x, v) = (q[robot.root_coords() + joint], qd[dofs + joint]);
             let spring = Spring {
@@ -93,6 +101,11 @@ impl Workspace {
             };
             touches.push(Touch::Drive { spring, bounds: drive.bounds(modelled, v), held: None });
         }
+    }
+
+    /// Finds the joints beyond a limit, and sets the torques of springs; `pairs` as in [`Self::find_drives`].
+    fn find_limits(&mut self, robot: &Robot, pairs: usize, q: &[f64], qd: &[f64], h: f64) {
+        let (Touches { touches, pull, .. }, dofs) = (&mut self.touches, robot.root_dofs());
         for (joint, modelled) in robot.joints().enumerate() {
             let x = q[robot.root_coords() + joint];
             pull[joint] = modelled.stiffness * (modelled.rest - x);
@@ -117,6 +130,23 @@ impl Workspace {
             }
         }
     }
+}
+
+/// Place of a contact point on its link; `None` if it roams and stays farther than `margin` (m) from the surface.
+fn place(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, time: f64) -> Option<Vector3<f64>> {
+    match point.locus {
+        Locus::Fixed => Some(point.local),
+        _ => roams(point, data, event, margin, time),
+    }
+}
+
+/// Spin and radius of gyration of a link, where its material has torsional or rolling friction.
+fn turning(robot: &Robot, data: &Data, link: usize, material: &Material) -> Turning {
+    let mut turning = Turning::default();
+    if material.torsion > 0.0 || material.rolling > 0.0 {
+        (turning.spin, turning.gyration) = (data.velocity[link].ang, gyration(&robot.links[link]));
+    }
+    turning
 }
 
 /// Appends the columns of the Jacobian of a link's point `x` (m, from `data.origin`), each with its DoF.

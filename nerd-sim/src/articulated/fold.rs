@@ -21,8 +21,9 @@ use super::touch::{inside, part_of};
 use crate::prelude::*;
 use crate::system::capsules::Capsule;
 
-/// Stability bounds z_k and z_d.
-pub(super) const FOLLOWED: [f64; 2] = [0.5, 0.25];
+/// Stability bounds z_k of `h^2 w n k`, and z_d of `h w n d` and `h w n c`.
+pub(super) const MAX_FOLD_STIFFNESS: f64 = 0.5;
+pub(super) const MAX_FOLD_DAMPING: f64 = 0.25;
 
 /// A contact of two parts of a robot.
 struct Met {
@@ -92,7 +93,7 @@ pub(super) fn folded(system: &System, inv_mass: &[f64], whole: f64, data: &Data)
 
 /// A material softened to the bounds of a substep h at w n (`inv_mass`).
 fn followed(material: &Material, inv_mass: f64, h: f64) -> Material {
-    let [stiffest, most] = FOLLOWED.map(|z| z / (h * inv_mass));
+    let [stiffest, most] = [MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING].map(|z| z / (h * inv_mass));
     let stiffness = material.stiffness.min(stiffest / h);
     Material {
         stiffness,

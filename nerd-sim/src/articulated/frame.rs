@@ -65,21 +65,8 @@ impl Workspace {
         tau: &[f64],
     ) -> Result<(), String> {
         let config = &settings.config;
-        self.settling = settings.settling;
-        self.whole = system.frame_time / config.contact_substeps as f64;
         let robot = &system.robot;
-        let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
-        self.materials.clear();
-        if contact {
-            self.materials.begin(system, scene);
-            let most = robot.contact_points.len() * scene.colliders.len();
-            self.events.clear();
-            // Events of one more point are held for a moment while covered ones are removed.
-            self.events.reserve(most + scene.colliders.len());
-            self.owners.clear();
-            self.owners.reserve(most);
-            self.owners.extend(0..robot.contact_points.len());
-        }
+        let contact = self.begin(system, scene, settings);
         self.start.copy_from_slice(state);
         let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty();
         // From face to face of a shape or a field the distance jumps, and the spring's energy with it.
@@ -116,6 +103,26 @@ impl Workspace {
             finer.config.contact_substeps *= times;
             state.copy_from_slice(&self.start);
         }
+    }
+
+    /// Prepares materials and memory for a frame; returns whether it may have contact.
+    fn begin(&mut self, system: &System, scene: &Scene, settings: &Settings) -> bool {
+        self.settling = settings.settling;
+        self.whole = system.frame_time / settings.config.contact_substeps as f64;
+        let robot = &system.robot;
+        let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
+        self.materials.clear();
+        if contact {
+            self.materials.begin(system, scene);
+            let most = robot.contact_points.len() * scene.colliders.len();
+            self.events.clear();
+            // Events of one more point are held for a moment while covered ones are removed.
+            self.events.reserve(most + scene.colliders.len());
+            self.owners.clear();
+            self.owners.reserve(most);
+            self.owners.extend(0..robot.contact_points.len());
+        }
+        contact
     }
 
     /// Steps a frame once: implicitly where necessary or configured, else explicitly unless a force is too stiff.

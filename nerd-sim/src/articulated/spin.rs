@@ -22,18 +22,18 @@ use crate::prelude::*;
 /// Turn (rad) of the root in a substep above which its middle angular velocity is solved for.
 pub(super) const FAST_ROOT: f64 = 0.015;
 /// Relative tolerance of the middle angular velocity; smaller if drags settle to less, down to rounding.
-pub(super) const ROUND: f64 = 1e-7;
-const ROUNDEST: f64 = 1e-12;
+pub(super) const SPIN_TOLERANCE: f64 = 1e-7;
+const MIN_SPIN_TOLERANCE: f64 = 1e-12;
 /// Most solves of a substep for the middle, beyond its other solves.
 pub(super) const SPIN_PASSES: usize = 8;
 
 /// Largest turn (rad) of the root in a substep of Runge-Kutta; the energy loss grows with its fifth power.
-pub(super) const SPUN_RK4: f64 = 0.08;
+pub(super) const MAX_ROOT_TURN_RK4: f64 = 0.08;
 
 /// Factor (a power of two) on Runge-Kutta's substeps, for a root that turns by `turn` (rad) in each.
 pub(super) fn turns(turn: f64) -> usize {
     let mut times = 1;
-    while turn > SPUN_RK4 * times as f64 && times < MAX_REFINED {
+    while turn > MAX_ROOT_TURN_RK4 * times as f64 && times < MAX_REFINED {
         times *= 2;
     }
     times
@@ -80,7 +80,11 @@ impl Spin {
         };
         let (mass, moment, inertia): (f64, Vector3<f64>, Matrix3<f64>) = data.inertia.iter().fold(zero, add);
         let cross = moment.cross_matrix();
-        Some(Self { inertia: inertia + cross * cross / mass, h, round: settled.clamp(ROUNDEST, ROUND) })
+        Some(Self {
+            inertia: inertia + cross * cross / mass,
+            h,
+            round: settled.clamp(MIN_SPIN_TOLERANCE, SPIN_TOLERANCE),
+        })
     }
 
     fn matrix(&self, w: &Vector3<f64>) -> Matrix3<f64> {

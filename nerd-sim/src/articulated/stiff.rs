@@ -14,16 +14,16 @@ use nerd_core::{dynamics::Factor, spatial::parallel_axis};
 
 use crate::prelude::*;
 
-/// Largest r of dampers, and of limits under symplectic Euler.
-pub(super) const MOST: f64 = 2.0;
+/// Largest spectral radius r of dampers, and of limits under symplectic Euler.
+pub(super) const MAX_RADIUS: f64 = 2.0;
 /// Largest r of limits under Runge-Kutta. The Ant's reaches 5.0 with all its joints beyond their limits.
-pub(super) const MOST_RK4: f64 = 5.2;
+pub(super) const MAX_RADIUS_RK4: f64 = 5.2;
 /// Largest `h c w` of friction, with the upper bound on w. ANYmal's shins reach 8.4 with the reference's substeps.
-pub(super) const MOST_DRAG: f64 = 12.0;
+pub(super) const MAX_DRAG: f64 = 12.0;
 /// Most simultaneous contacts of a pair of links: four carry a face that lies on another.
-const AT_ONCE: usize = 4;
+const MAX_PAIR_CONTACTS: usize = 4;
 /// Steps of the power iteration.
-pub(super) const POWERS: usize = 12;
+pub(super) const POWER_STEPS: usize = 12;
 
 /// Bounds on inertia for a robot in any pose.
 pub(super) struct Bounds {
@@ -90,7 +90,7 @@ impl Stiff {
     /// Whether a drag (N s/m) at contact point `point` is too stiff for a substep `h`.
     #[inline]
     pub(super) fn drags(&self, point: usize, drag: f64, h: f64) -> bool {
-        h * drag * self.bounds.inv_mass[point] > MOST_DRAG
+        h * drag * self.bounds.inv_mass[point] > MAX_DRAG
     }
 
     #[inline]
@@ -109,7 +109,7 @@ impl Stiff {
         if self.acting.is_empty() {
             return false;
         }
-        let most = if integrator == Integrator::Rk4 { MOST_RK4 } else { MOST };
+        let most = if integrator == Integrator::Rk4 { MAX_RADIUS_RK4 } else { MAX_RADIUS };
         if self.soft == Some(true) || self.acting.iter().map(|(i, s)| s / self.bounds.least[*i]).sum::<f64>() <= most {
             return false;
         }
@@ -137,14 +137,14 @@ impl Stiff {
     /// Whether the joints' dampers are too stiff for a substep `h`; checked once a frame.
     #[inline]
     pub(super) fn dampers(&mut self, robot: &Robot, factor: &Factor, h: f64) -> bool {
-        if self.looked || h * self.bounds.damped <= MOST {
+        if self.looked || h * self.bounds.damped <= MAX_RADIUS {
             return false;
         }
         self.looked = true;
         self.others.clear();
         self.others
             .extend(robot.joints().enumerate().filter(|(_, j)| j.damping > 0.0).map(|(i, j)| (i, 2.0 * h * j.damping)));
-        radius(&self.others, robot.root_dofs(), factor, &mut self.vector, &mut self.column) > MOST
+        radius(&self.others, robot.root_dofs(), factor, &mut self.vector, &mut self.column) > MAX_RADIUS
     }
 }
 
@@ -158,7 +158,7 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
     // A start without symmetry, so that no eigenvector is missed.
     vector.iter_mut().enumerate().for_each(|(k, x)| *x = 0.1 + (0.618_034 * k as f64).fract());
     let mut size = 0.0;
-    for _ in 0..POWERS {
+    for _ in 0..POWER_STEPS {
         let length = vector.iter().map(|x| x * x).sum::<f64>().sqrt();
         column.fill(0.0);
         joints.iter().zip(&*vector).for_each(|((i, s), x)| column[dofs + i] = s.sqrt() * x / length);
@@ -189,7 +189,7 @@ fn inv_masses(system: &System) -> Vec<f64> {
     };
     let most =
         |part: usize| ends(part).map(|end| inv_mass(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
-    let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
+    let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(MAX_PAIR_CONTACTS) as f64;
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }
 

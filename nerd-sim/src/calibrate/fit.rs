@@ -35,9 +35,9 @@ impl Default for FitConfig {
 /// Shares of frames and of trials in each stage of a descent.
 pub(super) const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
 /// Least distance of a descent's start from the bounds, in scaled parameters: at zero, dry friction has no gradient.
-pub(super) const INSIDE: f64 = 0.01;
+pub(super) const MIN_BOUND_DISTANCE: f64 = 0.01;
 /// Cost of a round's gradients, in evaluations of the objective over the same trials.
-pub(super) const PASS: f64 = 10.0;
+pub(super) const ROUND_COST: f64 = 10.0;
 /// Initial step sizes of the coarse and the fine search, in scaled parameters.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
@@ -214,14 +214,16 @@ impl Subject {
         if parameters.is_empty() {
             return Ok(None);
         }
-        let mut values: Vec<f64> =
-            parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let mut values: Vec<f64> = parameters
+            .iter()
+            .map(|p| p.at(p.place(p.nominal).clamp(MIN_BOUND_DISTANCE, 1.0 - MIN_BOUND_DISTANCE)))
+            .collect();
         let mut ends = Vec::new();
         for [frames, share] in STAGES {
             let trials: Vec<Trial> =
                 if share < 1.0 { few } else { all.trials }.iter().map(|trial| trial.begun(frames)).collect();
             let search = Search::new(self, parameters, &trials, frames * share, spent)?;
-            let pass = PASS * search.share;
+            let pass = ROUND_COST * search.share;
             let bent = |v: &[f64]| {
                 spent.set(spent.get() + pass);
                 self.bent(parameters, v, &trials, &search.unit)

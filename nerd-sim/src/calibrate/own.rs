@@ -6,10 +6,10 @@ use std::{cell::Cell, collections::BTreeMap};
 use nalgebra::{DMatrix, DVector};
 
 use super::bent::{Bent, descend};
-use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
+use super::fit::{Fit, FitConfig, MIN_BOUND_DISTANCE, ROUND_COST, STAGES, objective, thinned};
 use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
-use super::trial::{Trial, mean};
+use super::trial::{Distance, Trial, mean};
 
 /// Result of a fit of shared and individual parameters.
 pub struct OwnFit {
@@ -38,13 +38,11 @@ impl Subject {
         }
         let mut ids: Vec<u64> = trials.iter().map(|t| t.id).collect();
         ids.dedup();
-        let (s, o) = (shared.len(), own.len());
+        let split = Split { shared: shared.len(), own: own.len() };
         let pair = [shared, own].concat();
         let all: Vec<Parameter> = shared.iter().chain(ids.iter().flat_map(|_| own)).cloned().collect();
-        // Indices of the k-th trajectory's parameters (shared, then individual) among all.
-        let places = |k: usize| (0..s).chain(s + k * o..s + (k + 1) * o).collect::<Vec<usize>>();
-        let part = |values: &[f64], k: usize| places(k).into_iter().map(|i| values[i]).collect::<Vec<f64>>();
-        let mut values: Vec<f64> = all.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let mut values: Vec<f64> =
+            all.iter().map(|p| p.at(p.place(p.nominal).clamp(MIN_BOUND_DISTANCE, 1.0 - MIN_BOUND_DISTANCE))).collect();
         let spent = Cell::new(0.0);
         for [frames, share] in STAGES {
             let seen = thinned(&trials, (share * trials.len() as f64).ceil() as usize);
@@ -53,30 +51,12 @@ impl Subject {
             let unit = mean(&self.distances(&groups.concat())?);
             let worth = |values: &[f64]| {
                 spent.set(spent.get() + frames * share);
-                let apart = groups.iter().enumerate().filter(|(_, trials)| !trials.is_empty());
-                let apart = apart.map(|(k, trials)| self.with(&pair, &part(values, k))?.distances(trials));
-                let costs =
-                    groups.iter().enumerate().map(|(k, trials)| trials.len() as f64 * pull(&pair, &part(values, k)));
-                let worth = objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit)
-                    + costs.sum::<f64>() / seen.len() as f64;
-                Ok(if worth.is_finite() { worth } else { f64::MAX })
+                self.worth_of(&pair, split, values, &groups, &unit, seen.len())
             };
-            let pass = PASS * frames * share;
+            let pass = ROUND_COST * frames * share;
             let bent = |values: &[f64]| {
                 spent.set(spent.get() + pass);
-                let mut sum =
-                    Bent { gradient: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
-                for (k, trials) in groups.iter().enumerate() {
-                    let Some(found) = self.bent(&pair, &part(values, k), trials, &unit)? else { return Ok(None) };
-                    for (a, &i) in places(k).iter().enumerate() {
-                        sum.gradient[i] += found.gradient[a];
-                        places(k)
-                            .iter()
-                            .enumerate()
-                            .for_each(|(b, &j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
-                    }
-                }
-                Ok(Some(sum))
+                self.bent_of(&pair, split, values, &groups, &unit)
             };
             let may = || spent.get() + pass < config.evaluations as f64;
             let Some(best) = descend(&all, &mut values, may, worth, bent)? else {
@@ -86,7 +66,7 @@ impl Subject {
             progress(spent.get() as usize, best);
         }
         let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
-        let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
+        let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &split.part(&values, k))?.distances(&of(id)));
         let (before, mut after) =
             (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
         // Keep the fit only if it is no worse on all its trials than nominal parameters.
@@ -95,9 +75,68 @@ impl Subject {
             values = all.iter().map(|p| p.nominal).collect();
             after = before;
         }
-        let own = ids.iter().enumerate().map(|(k, id)| (*id, part(&values, k).split_off(s))).collect();
-        values.truncate(s);
+        let own = ids.iter().enumerate().map(|(k, id)| (*id, split.part(&values, k).split_off(split.shared))).collect();
+        values.truncate(split.shared);
         let (objective, evaluations) = (objective(&after, &before), spent.get());
         Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, gradients: true }, own })
+    }
+
+    /// Objective of all groups of trials (`seen` in all), one a trajectory, at `values` of all parameters.
+    fn worth_of(
+        &self,
+        pair: &[Parameter],
+        split: Split,
+        values: &[f64],
+        groups: &[Vec<Trial>],
+        unit: &Distance,
+        seen: usize,
+    ) -> Result<f64, CalibrateError> {
+        let apart = groups.iter().enumerate().filter(|(_, trials)| !trials.is_empty());
+        let apart = apart.map(|(k, trials)| self.with(pair, &split.part(values, k))?.distances(trials));
+        let costs =
+            groups.iter().enumerate().map(|(k, trials)| trials.len() as f64 * pull(pair, &split.part(values, k)));
+        let worth =
+            objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), unit) + costs.sum::<f64>() / seen as f64;
+        Ok(if worth.is_finite() { worth } else { f64::MAX })
+    }
+
+    /// Gradient and Hessian of all groups by all parameters; `None` if the solver has no gradients.
+    fn bent_of(
+        &self,
+        pair: &[Parameter],
+        split: Split,
+        values: &[f64],
+        groups: &[Vec<Trial>],
+        unit: &Distance,
+    ) -> Result<Option<Bent>, CalibrateError> {
+        let n = values.len();
+        let mut sum = Bent { gradient: DVector::zeros(n), curvature: DMatrix::zeros(n, n) };
+        for (k, trials) in groups.iter().enumerate() {
+            let Some(found) = self.bent(pair, &split.part(values, k), trials, unit)? else { return Ok(None) };
+            for (a, i) in split.places(k).enumerate() {
+                sum.gradient[i] += found.gradient[a];
+                split.places(k).enumerate().for_each(|(b, j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
+            }
+        }
+        Ok(Some(sum))
+    }
+}
+
+/// Numbers of shared parameters, and of each trajectory's own, which follow one trajectory after the other.
+#[derive(Clone, Copy)]
+struct Split {
+    shared: usize,
+    own: usize,
+}
+
+impl Split {
+    /// Indices of the k-th trajectory's parameters (shared, then individual) among all.
+    fn places(self, k: usize) -> impl Iterator<Item = usize> {
+        (0..self.shared).chain(self.shared + k * self.own..self.shared + (k + 1) * self.own)
+    }
+
+    /// Values of these parameters.
+    fn part(self, values: &[f64], k: usize) -> Vec<f64> {
+        self.places(k).map(|i| values[i]).collect()
     }
 }

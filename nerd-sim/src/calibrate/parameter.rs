@@ -96,24 +96,23 @@ pub(super) enum What {
 const PLAIN: &str =
     "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
+fn unknown(robot: &Robot, name: &str) -> CalibrateError {
+    let links = robot.links.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
+    let joints = robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
+    let of_joints =
+        if joints.is_empty() { "" } else { "; armature, joint-damping, joint-friction, strength, zero:JOINT of " };
+    CalibrateError::Parameter(format!(
+        "no parameter `{name}`: choose from {PLAIN}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{of_joints}{joints}"
+    ))
+}
+
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's nominal values and size.
     pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
         let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
         let plain = PLAIN.split(", ").any(|known| known == head);
         let robot = &system.robot;
-        let unknown = || {
-            let links = robot.links.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
-            let joints = robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-            let of_joints = if joints.is_empty() {
-                ""
-            } else {
-                "; armature, joint-damping, joint-friction, strength, zero:JOINT of "
-            };
-            CalibrateError::Parameter(format!(
-                "no parameter `{name}`: choose from {PLAIN}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{of_joints}{joints}"
-            ))
-        };
+        let unknown = || unknown(robot, name);
         let link = || match of {
             Some(of) => robot.link(of).map_err(|_| unknown()),
             None if robot.links.len() == 1 => Ok(0),

@@ -21,6 +21,61 @@ impl Engine {
             Self::Rapier(config) => Box::new(Rapier::new(config)),
         }
     }
+
+    /// Sets a parameter of rapier's own; refuses parameters that mean nothing to the solver.
+    fn set(&mut self, p: &Parameter, value: f64) -> Result<(), CalibrateError> {
+        let foreign = match self {
+            Engine::Rapier(config) if p.what == What::Restitution => {
+                config.restitution = value;
+                false
+            }
+            Engine::Rapier(_) => {
+                matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::JointFriction(_))
+            }
+            Engine::Articulated(_) => p.what == What::Restitution,
+        };
+        if foreign {
+            return Err(CalibrateError::Parameter(format!(
+                "parameter `{}` means nothing to this solver; leave it out",
+                p.name
+            )));
+        }
+        Ok(())
+    }
+}
+
+/// Sets a number of a link or joint; other parameters leave the robot as it is.
+fn set_robot(system: &mut System, what: What, value: f64) {
+    let robot = &mut system.robot;
+    match what {
+        What::Mass(link) => {
+            let Link { inertia, lifted, .. } = &mut robot.links[link];
+            inertia.inertia *= value / inertia.mass;
+            lifted.mass *= value / inertia.mass;
+            inertia.mass = value;
+        }
+        What::Com(link, axis) => {
+            let Link { frame, inertia, lifted, .. } = &mut robot.links[link];
+            let mut com = frame.inverse_transform_point(&inertia.com.into());
+            com[axis] = value;
+            let com = frame.transform_point(&com).coords;
+            lifted.at += com - inertia.com;
+            inertia.com = com;
+        }
+        What::Inertia(link) => robot.links[link].inertia.inertia *= value,
+        What::Spread(link, axis) => {
+            let Link { frame, inertia, .. } = &mut robot.links[link];
+            let turn = frame.rotation.to_rotation_matrix();
+            let mut own = BodyInertia { inertia: turn.inverse() * inertia.inertia * turn, ..*inertia };
+            own.spread(axis, value);
+            inertia.inertia = turn * own.inertia * turn.inverse();
+        }
+        What::Rounding => round(system, value),
+        What::JointDamping(joint) => robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
+        What::Armature(joint) => robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
+        What::JointFriction(joint) => robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
+        _ => {}
+    }
 }
 
 /// A robot in a scene under a solver, to be compared with measurements.
@@ -51,94 +106,60 @@ impl Subject {
 
     /// The subject with these values of the parameters.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
-        let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
-        let (mut delay, mut zeros, mut strength) = (self.delay, self.zeros.clone(), self.strength.clone());
+        let (mut system, mut out) = ((*self.system).clone(), self.clone());
         // Scale first: other parameters use the scaled lengths.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
             system.folds.scale(value);
         }
         for (p, &value) in parameters.iter().zip(values) {
-            // The robot's material, and the scene's material if it has one, since a pair acts with their mean.
-            let own =
-                system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
-            for material in own.chain([&mut system.spec.material]) {
-                match p.what {
-                    What::Friction => material.friction = value,
-                    What::Stiffness => material.stiffness = value,
-                    What::Damping => material.damping = value,
-                    _ => {}
-                }
-            }
+            self.set_material(&mut system, p.what, value);
             match p.what {
-                // Also replaces friction coefficients that the robot's file sets for pairs.
-                What::Friction => system.one_friction = Some(value),
-                What::Size | What::Stiffness | What::Damping => {}
-                What::Mass(link) => {
-                    let Link { inertia, lifted, .. } = &mut system.robot.links[link];
-                    inertia.inertia *= value / inertia.mass;
-                    lifted.mass *= value / inertia.mass;
-                    inertia.mass = value;
-                }
-                What::Com(link, axis) => {
-                    let Link { frame, inertia, lifted, .. } = &mut system.robot.links[link];
-                    let mut com = frame.inverse_transform_point(&inertia.com.into());
-                    com[axis] = value;
-                    let com = frame.transform_point(&com).coords;
-                    lifted.at += com - inertia.com;
-                    inertia.com = com;
-                }
-                What::Inertia(link) => system.robot.links[link].inertia.inertia *= value,
-                What::Spread(link, axis) => {
-                    let Link { frame, inertia, .. } = &mut system.robot.links[link];
-                    let turn = frame.rotation.to_rotation_matrix();
-                    let mut own = BodyInertia { inertia: turn.inverse() * inertia.inertia * turn, ..*inertia };
-                    own.spread(axis, value);
-                    inertia.inertia = turn * own.inertia * turn.inverse();
-                }
-                What::Rounding => round(&mut system, value),
                 What::Gravity => {
                     let g = system.gravity();
                     system.spec.gravity = (g * (value / g.norm())).into();
                 }
                 What::Height => self.plane(&mut system, p)?.height += value,
                 What::Tilt(axis) => self.plane(&mut system, p)?.angles[axis] += value,
-                What::Lag => lag = value,
-                What::Delay => delay = value,
-                What::Zero(joint) => zeros[joint] = value,
-                What::Strength(joint) => strength[joint] = value,
-                What::JointDamping(joint) => {
-                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value)
+                What::Lag => out.lag = value,
+                What::Delay => out.delay = value,
+                What::Zero(joint) => out.zeros[joint] = value,
+                What::Strength(joint) => out.strength[joint] = value,
+                What::Size | What::Friction | What::Stiffness | What::Damping | What::Restitution => {}
+                What::Mass(_) | What::Com(..) | What::Inertia(_) | What::Spread(..) | What::Rounding => {
+                    set_robot(&mut system, p.what, value)
                 }
-                What::Armature(joint) => {
-                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value)
+                What::JointDamping(_) | What::Armature(_) | What::JointFriction(_) => {
+                    set_robot(&mut system, p.what, value)
                 }
-                What::JointFriction(joint) => {
-                    system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value)
-                }
-                What::Restitution => {}
             }
-            let foreign = match &mut engine {
-                Engine::Rapier(config) if p.what == What::Restitution => {
-                    config.restitution = value;
-                    false
-                }
-                Engine::Rapier(_) => {
-                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::JointFriction(_))
-                }
-                Engine::Articulated(_) => p.what == What::Restitution,
-            };
-            if foreign {
-                return Err(CalibrateError::Parameter(format!(
-                    "parameter `{}` means nothing to this solver; leave it out",
-                    p.name
-                )));
+            out.engine.set(p, value)?;
+        }
+        out.system = Arc::new(system);
+        // A random scene is not built from the robot's specification, so it stays.
+        if self.scene.name != "random" {
+            out.scene = out.system.scene(&self.scene.name)?;
+        }
+        Ok(out)
+    }
+
+    /// Sets a number of the robot's material, and of the scene's material if it has one, since a pair acts with their
+    /// mean.
+    fn set_material(&self, system: &mut System, what: What, value: f64) {
+        let own =
+            system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
+        for material in own.chain([&mut system.spec.material]) {
+            match what {
+                What::Friction => material.friction = value,
+                What::Stiffness => material.stiffness = value,
+                What::Damping => material.damping = value,
+                _ => {}
             }
         }
-        let system = Arc::new(system);
-        // A random scene is not built from the robot's specification, so it stays.
-        let scene = if self.scene.name == "random" { self.scene.clone() } else { system.scene(&self.scene.name)? };
-        Ok(Self { scene, system, engine, lag, delay, zeros, strength })
+        // Also replaces friction coefficients that the robot's file sets for pairs.
+        if what == What::Friction {
+            system.one_friction = Some(value);
+        }
     }
 
     /// The delayed and scaled torques of a frame; `asked` are the commanded torques of the last three frames, newest

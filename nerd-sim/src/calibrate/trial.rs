@@ -137,7 +137,7 @@ impl Subject {
         to_local(robot, q, qd);
         if depth < 0.0 {
             (0..3).for_each(|k| q[k] -= depth * normal[k]);
-        } else if depth > FREE {
+        } else if depth > FREE_DISTANCE {
             (0..3).for_each(|k| qd[3 + k] += self.lag * self.system.frame_time * self.scene.gravity[k]);
         }
         to_world(robot, q, qd);
@@ -152,7 +152,7 @@ impl Subject {
 }
 
 /// Distance (m) from every surface beyond which a body is in free fall.
-const FREE: f64 = 0.002;
+const FREE_DISTANCE: f64 = 0.002;
 
 /// Distance of two motions.
 pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {

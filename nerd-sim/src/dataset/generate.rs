@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use rand_chacha::ChaCha8Rng;
+
 use super::begin::Begun;
 use super::config::GenerateConfig;
 use super::manifest::{Manifest, header};
@@ -18,13 +20,41 @@ pub fn record(
     count: usize,
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
-    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let Begun { mut batch, mut streams, mut sensors, mut drives, drawn, scales, holds, mut pilots } =
-        Begun::new(system, config, first, count);
+    let (f, joints) = (config.frames, system.robot.joint_count());
+    let mut begun = Begun::new(system, config, first, count);
     (0..count).for_each(|env| solver.reset(env));
-    let (f, last) = (config.frames, drives.len() - 1);
+    let mut out = empty(system, &mut begun, f, count);
+    let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
+    let mut held = begun.streams.clone();
+    for frame in 0..=f {
+        if config.until.is_some_and(|until| Instant::now() >= until) {
+            return Err(DatasetError::Late);
+        }
+        for env in 0..count {
+            let d = system.robot.state_dim();
+            let at = (env * (f + 1) + frame) * d;
+            out.states[at..at + d].copy_from_slice(begun.batch.state(env));
+            if frame == f {
+                continue;
+            }
+            let row = env * f + frame;
+            let now = &mut tau[env * joints..(env + 1) * joints];
+            act(&mut begun, &mut held[env], env, frame, now);
+            out.torques[row * joints..][..joints].copy_from_slice(now);
+            show(system, &mut begun, &mut out, [env, row], &mut data, &mut events);
+        }
+        if frame < f {
+            solver.step(&mut begun.batch, &tau).map_err(|error| DatasetError::Step(first, error))?;
+        }
+    }
+    Ok(out)
+}
+
+/// A recording of zeros, with gravity and drawn parameters.
+fn empty(system: &System, begun: &mut Begun, f: usize, count: usize) -> Recording {
+    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
     let zeros = |n: usize| vec![0.0; n];
-    let mut out = Recording {
+    Recording {
         trajectories: count,
         frames: f,
         states: zeros(count * (f + 1) * d),
@@ -32,57 +62,54 @@ pub fn record(
         normals: zeros(count * f * points * 3),
         points: zeros(count * f * points * 3),
         depths: zeros(count * f * points),
-        gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
-        drawn,
-        shown: zeros(sensors.len() * f * d),
-    };
-    let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
-    let mut begun = streams.clone();
-    for frame in 0..=f {
-        if config.until.is_some_and(|until| Instant::now() >= until) {
-            return Err(DatasetError::Late);
-        }
-        for env in 0..count {
-            let at = (env * (f + 1) + frame) * d;
-            out.states[at..at + d].copy_from_slice(batch.state(env));
-            if frame == f {
-                continue;
-            }
-            let row = env * f + frame;
-            // A held action repeats its random numbers, since a position law responds to the state of each frame.
-            if pilots[env].is_some() || frame % holds[env] == 0 {
-                begun[env] = streams[env].clone();
-            } else {
-                streams[env] = begun[env].clone();
-            }
-            let now = &mut tau[env * joints..(env + 1) * joints];
-            match &mut pilots[env] {
-                Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], now),
-                None => drives[env.min(last)].draw(batch.state(env), scales[env], &mut streams[env], now),
-            }
-            out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
-            let mut seen = batch.state(env);
-            if let Some(rng) = sensors.get_mut(env) {
-                let shown = &mut out.shown[row * d..][..d];
-                shown.copy_from_slice(seen);
-                blur(batch.of(env), shown, rng);
-                seen = shown;
-            }
-            if points > 0 {
-                contacts(system, &batch.scenes[env], seen, &mut data, &mut events);
-                for (k, event) in events.iter().enumerate() {
-                    let at = (row * points + k) * 3;
-                    out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
-                    out.points[at..at + 3].copy_from_slice(event.p1.as_slice());
-                    out.depths[row * points + k] = event.distance;
-                }
-            }
-        }
-        if frame < f {
-            solver.step(&mut batch, &tau).map_err(|error| DatasetError::Step(first, error))?;
+        gravity: begun.batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
+        drawn: std::mem::take(&mut begun.drawn),
+        shown: zeros(begun.sensors.len() * f * d),
+    }
+}
+
+/// Draws an environment's torques of a frame. `held`: its stream where the held action began.
+fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torques: &mut [f64]) {
+    let Begun { batch, streams, drives, scales, holds, pilots, .. } = begun;
+    let last = drives.len() - 1;
+    // A held action repeats its random numbers, since a position law responds to the state of each frame.
+    if pilots[env].is_some() || frame % holds[env] == 0 {
+        *held = streams[env].clone();
+    } else {
+        streams[env] = held.clone();
+    }
+    match &mut pilots[env] {
+        Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], torques),
+        None => drives[env.min(last)].draw(batch.state(env), scales[env], &mut streams[env], torques),
+    }
+}
+
+/// Records what an environment's sensors show, and the contact events of the state that they show.
+fn show(
+    system: &System,
+    Begun { batch, sensors, .. }: &mut Begun,
+    out: &mut Recording,
+    [env, row]: [usize; 2],
+    data: &mut Data,
+    events: &mut Vec<ContactEvent>,
+) {
+    let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
+    let mut seen = batch.state(env);
+    if let Some(rng) = sensors.get_mut(env) {
+        let shown = &mut out.shown[row * d..][..d];
+        shown.copy_from_slice(seen);
+        blur(batch.of(env), shown, rng);
+        seen = shown;
+    }
+    if points > 0 {
+        contacts(system, &batch.scenes[env], seen, data, events);
+        for (k, event) in events.iter().enumerate() {
+            let at = (row * points + k) * 3;
+            out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
+            out.points[at..at + 3].copy_from_slice(event.p1.as_slice());
+            out.depths[row * points + k] = event.distance;
         }
     }
-    Ok(out)
 }
 
 /// Writes all shards and `manifest.json` into `folder`; keeps existing shards with the same settings. `progress`
@@ -96,19 +123,8 @@ pub fn generate(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
     config.check(system)?;
-    if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
-        let reason =
-            format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
-        return Err(FileError::new(folder, reason).into());
-    }
     let (identity, shards) = (header(system, truth), Shard::all(config));
-    let names: Vec<&str> = shards.iter().map(|shard| shard.name.as_str()).chain(["manifest.json"]).collect();
-    let recorded = |shard: &Shard| is_shard(&folder.join(&shard.name));
-    let known = || {
-        has_keys(&Manifest::path(folder), &["robot", "shards", "sha256"])
-            || !Manifest::path(folder).exists() && shards.iter().any(recorded)
-    };
-    unclaimed(folder, &names, known).map_err(|e| FileError::new(folder, e))?;
+    claim(system, &shards, folder)?;
     let there = |shard: &Shard| -> Option<[u8; 32]> {
         let (recording, found) = read_shard(&folder.join(&shard.name)).ok()?;
         (found == shard.header(&identity, config)).then(|| recording.sha256())
@@ -147,6 +163,22 @@ pub fn generate(
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| FileError::new(&path, e))?;
     crate::files::write(&path, text.as_bytes()).map_err(|e| FileError::new(&path, e))?;
     Ok(manifest)
+}
+
+/// Refuses a folder that holds data of another robot, or files of others.
+fn claim(system: &System, shards: &[Shard], folder: &Path) -> Result<(), FileError> {
+    if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
+        let reason =
+            format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
+        return Err(FileError::new(folder, reason));
+    }
+    let names: Vec<&str> = shards.iter().map(|shard| shard.name.as_str()).chain(["manifest.json"]).collect();
+    let recorded = |shard: &Shard| is_shard(&folder.join(&shard.name));
+    let known = || {
+        has_keys(&Manifest::path(folder), &["robot", "shards", "sha256"])
+            || !Manifest::path(folder).exists() && shards.iter().any(recorded)
+    };
+    unclaimed(folder, &names, known).map_err(|e| FileError::new(folder, e))
 }
 
 /// Removes a file if it exists.

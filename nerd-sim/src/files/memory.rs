@@ -1,7 +1,7 @@
 //! Available memory.
 
 /// Memory (bytes) assumed for a machine that does not report it.
-const USUAL: u64 = 8 << 30;
+const ASSUMED_MEMORY: u64 = 8 << 30;
 
 /// Upper bound (bytes) of the memory that this process may allocate: the least of the machine's available memory and
 /// the limits of container and `ulimit`.
@@ -13,5 +13,5 @@ pub fn free() -> u64 {
     let machine = field(&read("/proc/meminfo"), "MemAvailable:").map(|kib| kib.saturating_mul(1024));
     let container = read("/sys/fs/cgroup/memory.max").trim().parse().ok();
     let process = field(&read("/proc/self/limits"), "Max address space");
-    [machine, container, process].into_iter().flatten().min().unwrap_or(USUAL)
+    [machine, container, process].into_iter().flatten().min().unwrap_or(ASSUMED_MEMORY)
 }

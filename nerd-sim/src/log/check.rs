@@ -7,24 +7,24 @@ use super::tidy::rate;
 use crate::internal::*;
 use crate::table::Place;
 
-/// Relative error above which velocities contradict the poses.
-const OFF: f64 = 0.5;
+/// Relative error above which velocities contradict the poses, or a fall the gravity.
+const MAX_RELATIVE_ERROR: f64 = 0.5;
 /// Largest relative change of a velocity from one row to the next that counts as steady.
-const STEADY: f64 = 0.3;
+const MAX_STEADY_CHANGE: f64 = 0.3;
 /// Relative error above which velocities are noted.
-const NOISY: f64 = 0.15;
+const NOTED_VELOCITY_ERROR: f64 = 0.15;
 /// Least relative error of velocities or free fall that is noted.
-const ODD: f64 = 0.01;
+const MIN_NOTED_ERROR: f64 = 0.01;
 /// Number of rows up to which all velocities are checked.
-const ASKED: usize = 100_000;
+const MAX_CHECKED_ROWS: usize = 100_000;
 /// Least duration (s) and number of frames of a flight for measuring free fall.
-const FLIGHT: (f64, usize) = (0.08, 8);
+const MIN_FLIGHT: (f64, usize) = (0.08, 8);
 /// Frame time (s) above which a contact may go unnoticed between frames.
-const LONG: f64 = 0.02;
+const MAX_FRAME_TIME: f64 = 0.02;
 /// Least distance (m) from every surface in free flight.
-const CLEAR: f64 = 0.005;
+const MIN_CLEARANCE: f64 = 0.005;
 /// Relative difference from gravity above which a fall is not free.
-const HELD: f64 = 0.5;
+const MAX_FALL_DIFFERENCE: f64 = 0.5;
 /// Factors that indicate a wrong unit.
 const UNITS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "degrees taken for radians"),
@@ -44,7 +44,7 @@ fn unit(factor: f64) -> Option<&'static str> {
 fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     let rows: usize = raw.iter().map(|r| r.moments.len()).sum();
     let all = raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])));
-    all.step_by((rows / ASKED).max(1))
+    all.step_by((rows / MAX_CHECKED_ROWS).max(1))
 }
 
 /// Median error of measured velocities at two consecutive rows against the velocity between the poses, relative to its
@@ -53,7 +53,7 @@ fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
     let steady = rates
-        .filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0)
+        .filter(|(_, [a, b])| (a - b).norm() <= MAX_STEADY_CHANGE * (a + b).norm() / 2.0)
         .map(|(found, [a, b])| (found, (a + b) / 2.0));
     let mut all: Vec<_> = steady.filter(|(found, measured)| (found + measured).iter().all(|x| x.is_finite())).collect();
     all.sort_by(|a, b| (b.0.norm() * b.1.norm()).total_cmp(&(a.0.norm() * a.1.norm())));
@@ -103,7 +103,7 @@ pub(super) fn rates(
         if let (Some(names), Some([off, factor])) = (&root.ang_vel, ang_vel(root.order, root.axes)) {
             let all = [Order::Wxyz, Order::Xyzw].into_iter().flat_map(|o| [Axes::Body, Axes::World].map(|a| (o, a)));
             let best = all.filter_map(|(o, a)| Some((ang_vel(o, a)?[0], o, a))).min_by(|a, b| a.0.total_cmp(&b.0));
-            let better = best.filter(|(other, ..)| *other < 0.5 * off && off > ODD);
+            let better = best.filter(|(other, ..)| *other < 0.5 * off && off > MIN_NOTED_ERROR);
             let words = better.map(|(other, order, axes)| {
                 let word = |x: &dyn std::fmt::Debug| format!("{x:?}").to_lowercase();
                 format!(
@@ -147,8 +147,8 @@ fn refuse(
     let advice = match (better, unit(factor)) {
         (Some(better), _) => better,
         (None, Some(unit)) => format!("{unit} would explain it"),
-        (None, None) if off < OFF => {
-            notes.extend((off > NOISY).then(|| format!("{words}; times {factor:.3} they fit best")));
+        (None, None) if off < MAX_RELATIVE_ERROR => {
+            notes.extend((off > NOTED_VELOCITY_ERROR).then(|| format!("{words}; times {factor:.3} they fit best")));
             return Ok(());
         }
         (None, None) => format!("rates times {factor:.3} fit best"),
@@ -182,22 +182,26 @@ pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Ve
 /// large; otherwise it is noted. Removes frames before a release: a held body does not fall.
 pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
-    if !log.system.robot.floating() || g == 0.0 || log.system.frame_time > LONG {
+    if !log.system.robot.floating() || g == 0.0 || log.system.frame_time > MAX_FRAME_TIME {
         return Ok(());
     }
     let (system, mut data, mut events) = (log.system.clone(), Data::new(&log.system.robot), Vec::new());
     let (mut free_falls, mut first_falls, mut held) = (Vec::new(), Vec::new(), 0);
-    let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
+    let least = MIN_FLIGHT.1.max((MIN_FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
             contacts(&system, scene, state, &mut data, &mut events);
-            let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > CLEAR);
+            let clear =
+                events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > MIN_CLEARANCE);
             clear.then(|| -totals(&system.robot, state, &mut data).com.dot(&scene.gravity) / g)
         };
         let heights: Vec<f64> = trajectory.states.iter().map_while(height).collect();
         let fall = |from: usize, to: usize| -acceleration(&heights[from..to], system.frame_time);
         let Some(last) = heights.len().checked_sub(least) else { continue };
-        let free = (0..=last).rev().find(|&k| (fall(k, k + least) / g - 1.0).abs() > HELD).map_or(0, |k| k + least / 2);
+        let free = (0..=last)
+            .rev()
+            .find(|&k| (fall(k, k + least) / g - 1.0).abs() > MAX_FALL_DIFFERENCE)
+            .map_or(0, |k| k + least / 2);
         first_falls.push(fall(0, least));
         if heights.len() < free + least {
             continue;
@@ -214,10 +218,10 @@ pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(),
     let words = format!("free fall is {found:.3} m/s^2, gravity is {g:.3}");
     match unit(found / g) {
         Some(unit) => return Err(bad(csv, format!("{words}; {unit} would explain it"))),
-        None if (found / g - 1.0).abs() > OFF => {
+        None if (found / g - 1.0).abs() > MAX_RELATIVE_ERROR => {
             return Err(bad(csv, format!("{words}: lengths or times cannot be right")));
         }
-        None if (found / g - 1.0).abs() > ODD => {
+        None if (found / g - 1.0).abs() > MIN_NOTED_ERROR => {
             log.notes.push(format!("{words}: lengths may be {:+.1} % off", 100.0 * (found / g - 1.0)));
         }
         None => {}

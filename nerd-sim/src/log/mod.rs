@@ -22,7 +22,7 @@ pub use spec::{LogSpec, Published};
 use crate::{dataset::Recording, internal::*};
 
 /// Maximum number of frames between two rows.
-const FEW: f64 = 100.0;
+const MAX_FRAMES_BETWEEN_ROWS: f64 = 100.0;
 
 impl Log {
     /// Reads the TOML that describes a table. `csv` is the table, by default the file named in the TOML. Errors name
@@ -52,8 +52,10 @@ impl Log {
             return Err(bad(&csv, format!("no two rows follow each other: {}", notes.join("; "))));
         }
         let frame = system.frame_time;
-        if let Some((place, step)) =
-            cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame)
+        if let Some((place, step)) = cut
+            .iter()
+            .map(|r| (r.moments[0].place, tidy::step(&r.moments)))
+            .find(|(_, step)| *step > MAX_FRAMES_BETWEEN_ROWS * frame)
         {
             let text = format!(
                 "{place}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?"

@@ -7,7 +7,7 @@ use crate::table::{Place, Row, Table, twice};
 use crate::{arrays::Arrays, internal::*};
 
 /// Largest magnitude accepted as a measurement, in SI units; times since an epoch are below it.
-const MOST: f64 = 1e11;
+const MAX_MEASUREMENT: f64 = 1e11;
 
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
@@ -203,10 +203,15 @@ fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<B
         let id = columns.trajectory.map_or(Ok(first + row.trajectory().unwrap_or(0)), |c| row.whole(c, u64::MAX))?;
         let mut moment = columns.moment(row)?;
         // Squares of larger numbers overflow, and no real motion reaches them.
-        if let Some(x) =
-            moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST)
+        if let Some(x) = moment
+            .q
+            .iter()
+            .chain(&moment.qd)
+            .chain(&moment.torques)
+            .chain([&moment.time])
+            .find(|x| x.abs() > MAX_MEASUREMENT)
         {
-            return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
+            return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MAX_MEASUREMENT:e} can be meant")));
         }
         let raw = all.entry(id).or_insert_with(|| Raw { id, moments: Vec::new() });
         let Some(column) = &spec.time else {

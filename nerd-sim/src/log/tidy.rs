@@ -7,13 +7,13 @@ use super::read::{Moment, Raw};
 use crate::internal::*;
 
 /// Ratio of a time step to the usual step above which it is a gap.
-const GAP: f64 = 1.5;
+const GAP_RATIO: f64 = 1.5;
 /// Largest deviation of a row's time from its frame, as a share of a frame. Half of the times' last digit is also
-/// accepted, up to `ROUNDED` of a frame.
-const JITTER: f64 = 0.01;
-const ROUNDED: f64 = 0.05;
+/// accepted, up to `MAX_TIME_ROUNDING` of a frame.
+const MAX_JITTER: f64 = 0.01;
+const MAX_TIME_ROUNDING: f64 = 0.05;
 /// Largest difference of numbers between two copies: files round digits.
-const SAME: f64 = 1e-4;
+const COPY_TOLERANCE: f64 = 1e-4;
 
 /// Usual time step (s) of a trajectory: the median.
 pub(super) fn step(moments: &[Moment]) -> f64 {
@@ -48,9 +48,10 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     let before = raw.len();
     raw.retain(|r| {
         let own = print(r);
-        let same =
-            |other: &Vec<f64>| own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
-        let Some(amid) = own.get(own.len() / 2).map(|x| (x / SAME) as i64) else { return true };
+        let same = |other: &Vec<f64>| {
+            own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < COPY_TOLERANCE)
+        };
+        let Some(amid) = own.get(own.len() / 2).map(|x| (x / COPY_TOLERANCE) as i64) else { return true };
         let new = !prints.range(amid - 1..=amid + 1).any(|(_, others)| others.iter().any(same));
         if new {
             prints.entry(amid).or_default().push(own);
@@ -69,7 +70,7 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
 pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     let (mut all, mut gaps, mut idle, mut first) = (Vec::new(), 0, 0, None);
     for Raw { id, moments } in raw {
-        let limit = GAP * step(&moments);
+        let limit = GAP_RATIO * step(&moments);
         let mut part: Vec<Moment> = Vec::new();
         for moment in moments {
             // The torque after a trajectory's last row may be unknown.
@@ -168,13 +169,13 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
         differences += usize::from(differentiate(system, &mut moments));
         let start = moments[0].time;
         let early = Some(rounding(&moments))
-            .filter(|half| *half <= ROUNDED * frame)
+            .filter(|half| *half <= MAX_TIME_ROUNDING * frame)
             .map_or(0.0, |half| 2.001 * half)
-            .max(JITTER * frame);
+            .max(MAX_JITTER * frame);
         let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= early;
         if !moments.iter().enumerate().all(on_time) {
             resampled.push(step(&moments));
-            let frames = ((moments[moments.len() - 1].time - start) / frame + JITTER) as usize;
+            let frames = ((moments[moments.len() - 1].time - start) / frame + MAX_JITTER) as usize;
             let mut at = 0;
             let even = (0..=frames).map(|k| {
                 let time = start + k as f64 * frame;
@@ -206,7 +207,7 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
     resampled.sort_by(f64::total_cmp);
     if let Some(usual) = resampled.get(resampled.len() / 2) {
         let (count, own, theirs) = (resampled.len(), 1.0 / frame, 1.0 / usual);
-        let keep = if (own / theirs - 1.0).abs() > ROUNDED {
+        let keep = if (own / theirs - 1.0).abs() > MAX_TIME_ROUNDING {
             format!("; `frame_time = {usual:.6}` of the robot keeps them")
         } else {
             String::new()

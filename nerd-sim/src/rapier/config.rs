@@ -2,7 +2,7 @@
 
 use rapier3d_f64::prelude as rapier;
 
-use crate::{internal::*, system::MOST_SUBSTEPS};
+use crate::{internal::*, system::MAX_SUBSTEPS};
 
 /// Natural frequency of contacts (Hz), and their damping ratio (rapier's default). At rapier's default of 60 Hz a
 /// resting robot penetrates by 0.7 mm, here by 0.04 mm.
@@ -37,8 +37,8 @@ impl Default for RapierConfig {
 
 impl RapierConfig {
     pub(super) fn check(&self) -> Result<(), String> {
-        within("rapier: iterations", self.iterations as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
-        within("rapier: steps", self.steps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+        within("rapier: iterations", self.iterations as f64, 1.0..=MAX_SUBSTEPS as f64, "")?;
+        within("rapier: steps", self.steps as f64, 1.0..=MAX_SUBSTEPS as f64, "")?;
         within("rapier: restitution", self.restitution, 0.0..=1.0, "")
     }
 

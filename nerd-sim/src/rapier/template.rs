@@ -30,23 +30,7 @@ pub(super) struct Template {
 impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
-        if let Some(joint) = robot.follower() {
-            return Err(format!("joint `{}` follows another (<mimic>), which rapier's multibodies cannot", joint.name));
-        }
-        if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
-            return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
-        }
-        if robot.free.damping != 0.0 || robot.links.iter().any(|link| link.lifted.mass != 0.0) {
-            return Err(
-                "its file takes weight off links, or damps its free root, which rapier's multibodies cannot; step with articulated".into(),
-            );
-        }
-        if !system.folds.is_empty() {
-            return Err("self_collision is on, and here a robot touches the scene alone; leave it out, or step with articulated".into());
-        }
-        if system.surfaces.turns() || turns(&system.spec.material) {
-            return Err(TURNS.into());
-        }
+        expressible(system)?;
         let (mut bodies, mut colliders, mut joints) =
             (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
@@ -87,24 +71,52 @@ impl Template {
         }
         let multibody = links.last().and_then(|last| joints.rigid_body_link(*last)).map(|l| l.multibody);
         if let Some(multibody) = multibody.and_then(|index| joints.get_multibody_mut(index)) {
-            // A fixed root has six DoFs until this call reads the type of its body.
-            multibody.forward_kinematics(&bodies, true);
-            if multibody.ndofs() != robot.nv() {
-                return Err(format!(
-                    "rapier gives the robot {} degrees of freedom, it has {}",
-                    multibody.ndofs(),
-                    robot.nv()
-                ));
-            }
-            // rapier damps every angular DoF by 0.1, including a free root's.
-            multibody.damping_mut().fill(0.0);
-            for (i, joint) in robot.joints().enumerate() {
-                multibody.damping_mut()[robot.root_dofs() + i] = joint.damping;
-                multibody.armature_mut()[robot.root_dofs() + i] = joint.armature;
-            }
+            equip(multibody, &bodies, robot)?;
         }
         Ok(Self { bodies, colliders, joints, links, multibody, root_com })
     }
+}
+
+/// Refuses robots that rapier's multibodies cannot express.
+fn expressible(system: &System) -> Result<(), String> {
+    let robot = &system.robot;
+    if let Some(joint) = robot.follower() {
+        return Err(format!("joint `{}` follows another (<mimic>), which rapier's multibodies cannot", joint.name));
+    }
+    if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
+        return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
+    }
+    if robot.free.damping != 0.0 || robot.links.iter().any(|link| link.lifted.mass != 0.0) {
+        return Err(
+            "its file takes weight off links, or damps its free root, which rapier's multibodies cannot; step with articulated".into(),
+        );
+    }
+    if !system.folds.is_empty() {
+        return Err(
+            "self_collision is on, and here a robot touches the scene alone; leave it out, or step with articulated"
+                .into(),
+        );
+    }
+    if system.surfaces.turns() || turns(&system.spec.material) {
+        return Err(TURNS.into());
+    }
+    Ok(())
+}
+
+/// Gives a multibody its joints' damping and armature.
+fn equip(multibody: &mut Multibody, bodies: &RigidBodySet, robot: &Robot) -> Result<(), String> {
+    // A fixed root has six DoFs until this call reads the type of its body.
+    multibody.forward_kinematics(bodies, true);
+    if multibody.ndofs() != robot.nv() {
+        return Err(format!("rapier gives the robot {} degrees of freedom, it has {}", multibody.ndofs(), robot.nv()));
+    }
+    // rapier damps every angular DoF by 0.1, including a free root's.
+    multibody.damping_mut().fill(0.0);
+    for (i, joint) in robot.joints().enumerate() {
+        multibody.damping_mut()[robot.root_dofs() + i] = joint.damping;
+        multibody.armature_mut()[robot.root_dofs() + i] = joint.armature;
+    }
+    Ok(())
 }
 
 /// Colliders of a link against the scene, each with its surface number in the robot's file.

@@ -9,7 +9,7 @@ use super::{Field, Hull};
 use crate::internal::*;
 
 /// Maximum number of queries in the search for the deepest point of a disc or hull against a curved surface.
-const SEARCHES: usize = 4;
+const MAX_QUERIES: usize = 4;
 
 /// The half-space `normal . x <= offset`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -219,7 +219,7 @@ impl Collider {
         if self.field.is_none() {
             // Among supporting planes of the convex shape, find the one with the largest signed distance from the link.
             let (mut best, mut event) = (ContactEvent { distance: f64::NEG_INFINITY, ..first }, first);
-            for _ in 0..SEARCHES {
+            for _ in 0..MAX_QUERIES {
                 let place = at(&point.facing(rotation, &event.normal));
                 let distance = event.normal.dot(&(place - event.p1));
                 if distance.is_nan() || distance > best.distance {
@@ -237,7 +237,7 @@ impl Collider {
         }
         let (mut normal, mut nearest) = (first.normal, f64::INFINITY);
         // On a curved surface, the normal at the deepest point determines the deepest point: iterate.
-        for _ in 0..SEARCHES {
+        for _ in 0..MAX_QUERIES {
             let event = self.query(&at(&point.deepest(rotation, &normal)));
             if event.distance >= nearest || event.normal == Vector3::zeros() {
                 break;

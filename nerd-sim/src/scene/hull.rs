@@ -6,7 +6,7 @@ use super::parry::from_parry;
 use crate::internal::*;
 
 /// Ratio of height to length below which a triangle is left out.
-const SLIVER: f64 = 1e-4;
+const MIN_HEIGHT_RATIO: f64 = 1e-4;
 
 /// A triangular face.
 #[derive(Clone, Debug)]
@@ -28,8 +28,9 @@ impl Hull {
         let face = |face: &[u32; 3]| {
             let corners @ [a, b, c] = face.map(|k| from_parry(&vertices[k as usize]));
             // The normal of a sliver is rounding noise, and its neighbours are as near.
-            let normal =
-                (b - a).cross(&(c - a)).try_normalize(SLIVER * (b - a).norm_squared().max((c - a).norm_squared()))?;
+            let normal = (b - a)
+                .cross(&(c - a))
+                .try_normalize(MIN_HEIGHT_RATIO * (b - a).norm_squared().max((c - a).norm_squared()))?;
             Some(Face { corners, normal, offset: normal.dot(&a) })
         };
         Some(Self(faces.iter().filter_map(face).collect()))

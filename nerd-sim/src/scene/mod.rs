@@ -27,7 +27,7 @@ pub(crate) use worlds::{described, flat, peg};
 pub const GRAVITY: f64 = 9.81;
 
 /// Least depth (m) inside another collider for a surface point to count as covered.
-const SKIN: f64 = 1e-6;
+const MIN_COVERED_DEPTH: f64 = 1e-6;
 
 /// Gravity and static colliders.
 #[derive(Clone, Debug)]
@@ -127,7 +127,10 @@ impl Scene {
     fn covered(&self, event: &ContactEvent, others: &[ContactEvent]) -> bool {
         let nearer = |o: &&ContactEvent| (o.distance, o.collider) < (event.distance, event.collider);
         event.distance > 0.0
-            && others.iter().filter(nearer).any(|o| self.colliders[o.collider].query(&event.p1).distance < SKIN)
+            && others
+                .iter()
+                .filter(nearer)
+                .any(|o| self.colliders[o.collider].query(&event.p1).distance < MIN_COVERED_DEPTH)
     }
 
     /// Refuses values that are not finite or out of range. Solvers call this before they step.

@@ -3,10 +3,10 @@
 use super::TerrainSpec;
 use crate::{internal::*, range::exactly};
 
-/// Largest stiffness (N/m), damping (N s/m) and tangential damping (N s/m).
-const MOST: f64 = 1e12;
-/// Largest friction coefficient.
-const MOST_FRICTION: f64 = 1e6;
+/// Largest stiffness (N/m); also largest damping and tangential damping (N s/m).
+const MAX_STIFFNESS: f64 = 1e12;
+/// Largest friction coefficient; also largest torsional and rolling friction (m).
+const MAX_FRICTION: f64 = 1e6;
 
 /// Compliant contact material; a pair of materials acts with the mean of both.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
@@ -81,12 +81,12 @@ impl Material {
 
     /// Refuses a number out of range.
     pub fn check(&self) -> Result<(), String> {
-        within("`stiffness`", self.stiffness, 0.0..=MOST, "N/m")?;
-        within("`damping`", self.damping, 0.0..=MOST, "N s/m")?;
-        within("`friction_damping`", self.friction_damping, 0.0..=MOST, "N s/m")?;
-        within("`friction`", self.friction, 0.0..=MOST_FRICTION, "")?;
-        within("`torsion`", self.torsion, 0.0..=MOST_FRICTION, "m")?;
-        within("`rolling`", self.rolling, 0.0..=MOST_FRICTION, "m")?;
+        within("`stiffness`", self.stiffness, 0.0..=MAX_STIFFNESS, "N/m")?;
+        within("`damping`", self.damping, 0.0..=MAX_STIFFNESS, "N s/m")?;
+        within("`friction_damping`", self.friction_damping, 0.0..=MAX_STIFFNESS, "N s/m")?;
+        within("`friction`", self.friction, 0.0..=MAX_FRICTION, "")?;
+        within("`torsion`", self.torsion, 0.0..=MAX_FRICTION, "m")?;
+        within("`rolling`", self.rolling, 0.0..=MAX_FRICTION, "m")?;
         within("`margin`", self.margin, -1.0..=1.0, "m")?;
         within("`release`", self.release, 0.0..=1.0, "s")
     }

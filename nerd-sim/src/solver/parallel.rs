@@ -192,12 +192,7 @@ impl<F: Frame> Parallel<F> {
             let (tau, grad_next) =
                 (&torques[env * joints..(env + 1) * joints], &grad_next[env * width..(env + 1) * width]);
             let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, grad_next, numbers)?;
-            if let Some(reason) = gone(batch.of(env), &found.next) {
-                return Err(reason);
-            }
-            if ![&found.states, &found.torques, &found.numbers].into_iter().flatten().all(|x| x.is_finite()) {
-                return Err("the frame's gradients are not finite".into());
-            }
+            finite(batch.of(env), &found)?;
             wrap_state(robot, &mut found.next);
             Ok(found)
         };
@@ -210,16 +205,7 @@ impl<F: Frame> Parallel<F> {
         }
         let chunks = batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate();
         let found: Vec<Result<Gradients, String>> = chunks.map(chunk).flatten_iter().collect();
-        let mut out = Gradients::default();
-        for (env, found) in found.into_iter().enumerate() {
-            match found {
-                Ok(found) => out.append(found),
-                Err(reason) => {
-                    faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) })
-                }
-            }
-        }
-        if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
+        gathered(batch, found)
     }
 
     /// Precomputes data of robots that have changed since the last frame, and allocates memory for all chunks.
@@ -255,4 +241,29 @@ impl<F: Frame> Parallel<F> {
         }
         Ok(())
     }
+}
+
+/// Refuses a frame with a next state or gradients that are not finite.
+fn finite(system: &System, found: &Gradients) -> Result<(), String> {
+    if let Some(reason) = gone(system, &found.next) {
+        return Err(reason);
+    }
+    if ![&found.states, &found.torques, &found.numbers].into_iter().flatten().all(|x| x.is_finite()) {
+        return Err("the frame's gradients are not finite".into());
+    }
+    Ok(())
+}
+
+/// The gradients of all environments, or the faults of those that failed.
+fn gathered(batch: &Batch, found: Vec<Result<Gradients, String>>) -> Result<Gradients, StepError> {
+    let (mut out, mut faults) = (Gradients::default(), Vec::new());
+    for (env, found) in found.into_iter().enumerate() {
+        match found {
+            Ok(found) => out.append(found),
+            Err(reason) => {
+                faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) })
+            }
+        }
+    }
+    if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
 }

@@ -3,8 +3,9 @@
 use std::collections::{HashMap, HashSet};
 
 use nalgebra::UnitVector3;
+use nerd_core::robot::Hull;
 
-use super::start::{DRAWS, clear_start};
+use super::start::{MAX_DRAWS, clear_start};
 use super::validate::{RESERVED, check};
 use super::world::{World, soften};
 use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
@@ -33,15 +34,7 @@ impl System {
             upright(&mut root.quaternion);
         }
         equip(&mut robot, &spec, source != Source::Derived);
-        let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
-        if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
-            return Err(wrong(format!(
-                "{key}: the robot has no contact point that could touch it; give it [[contact]] points"
-            )));
-        }
-        if let Some(vary) = &spec.vary {
-            vary.fits(&robot).map_err(wrong)?;
-        }
+        fits(&spec, &robot).map_err(wrong)?;
         let stand_in = |name: &String| robot.link(spec.mass_matrix_of.get(name).unwrap_or(name)).unwrap_or_default();
         let stand_ins =
             robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
@@ -69,33 +62,53 @@ impl System {
             stand_ins,
             folds,
         };
-        let state = system.default_state();
-        let (gravity, material) = (system.gravity(), system.spec.material);
-        soften(Arc::make_mut(&mut system.surfaces), &system.robot, &state, &gravity, &material).map_err(wrong)?;
-        if system.spec.self_collision {
-            let (folds, note) =
-                Folds::new(&system.robot, &hulls, &system.surfaces, &system.default_state()[..system.robot.nq()]);
-            system.folds = folds;
-            system.notes.push(note);
-        }
+        system.touch(&hulls).map_err(wrong)?;
         system.spec.truth.check(&system.robot, !system.folds.is_empty()).map_err(|e| wrong(format!("truth: {e}")))?;
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
         }
+        system.startable()?;
+        Ok(system)
+    }
+
+    /// Gives surfaces their stiffness under the robot's weight, and finds the links that may touch each other.
+    fn touch(&mut self, hulls: &[Hull]) -> Result<(), String> {
+        let state = self.default_state();
+        let (gravity, material) = (self.gravity(), self.spec.material);
+        soften(Arc::make_mut(&mut self.surfaces), &self.robot, &state, &gravity, &material)?;
+        if self.spec.self_collision {
+            let (folds, note) =
+                Folds::new(&self.robot, hulls, &self.surfaces, &self.default_state()[..self.robot.nq()]);
+            self.folds = folds;
+            self.notes.push(note);
+        }
+        Ok(())
+    }
+
+    /// Refuses a system without a start clear of its scene.
+    fn startable(&self) -> Result<(), SystemError> {
         for which in [Start::Sample, Start::Reset] {
-            if clear_start(&system, which, &mut stream(0, 0)).is_none() {
-                let ([starts, remedy], scene) =
-                    (source.starts(system.spec.root.is_some(), which.name()), system.spec.data_scene);
+            if clear_start(self, which, &mut stream(0, 0)).is_none() {
+                let [starts, remedy] = self.source.starts(self.spec.root.is_some(), which.name());
                 return Err(SystemError::Blocked(
-                    name.into(),
-                    format!("{DRAWS} starts {starts}"),
-                    scene.unwrap_or_default(),
+                    self.name.clone(),
+                    format!("{MAX_DRAWS} starts {starts}"),
+                    self.spec.data_scene.clone().unwrap_or_default(),
                     remedy,
                 ));
             }
         }
-        Ok(system)
+        Ok(())
     }
+}
+
+/// Refuses random scenes of a robot that cannot touch them, and a `[vary]` that does not fit it.
+fn fits(spec: &Spec, robot: &Robot) -> Result<(), String> {
+    let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
+    if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
+        return Err(format!("{key}: the robot has no contact point that could touch it; give it [[contact]] points"));
+    }
+    spec.vary.as_ref().map_or(Ok(()), |vary| vary.fits(robot))
 }
 
 /// Applies the parameters of a checked specification to the robot.

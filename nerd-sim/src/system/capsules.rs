@@ -12,11 +12,11 @@ use nalgebra::{Rotation3, Translation3};
 use crate::internal::*;
 
 /// Largest spacing of neighbouring capsules, in radii: the dip between two is then a third of a radius deep.
-const APART: f64 = 1.5;
+const MAX_SPACING: f64 = 1.5;
 /// Maximum number of capsules side by side; a wider, flatter shape gets thicker capsules.
-const ROWS: usize = 12;
+const MAX_ROWS: usize = 12;
 /// Thinnest capsule (m).
-const THINNEST: f64 = 1e-4;
+const MIN_RADIUS: f64 = 1e-4;
 /// Share of the squared sum of two radii that is added to the squared distance of two capsules at an end. Capsules are
 /// thus slightly barrel-shaped, R / 4000 thinner at an end. For parallel capsules side by side, the contact position
 /// becomes a continuous function of the pose and the gap differentiable.
@@ -112,7 +112,7 @@ pub(crate) fn rounded(points: &[ContactPoint], capsules: &[Capsule]) -> f64 {
 
 fn along(pose: &Isometry3<f64>, axis: usize, half_length: f64, radius: f64) -> Capsule {
     let half = pose.rotation * (Vector3::ith(axis, 1.0) * half_length.max(0.0));
-    Capsule { middle: pose.translation.vector, half, radius: radius.max(THINNEST) }
+    Capsule { middle: pose.translation.vector, half, radius: radius.max(MIN_RADIUS) }
 }
 
 /// Capsules side by side for a flat box or cylinder with these half extents. `reach` is half the axis length of the
@@ -125,8 +125,8 @@ fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f
     let flat = if flat == long { (long + 2) % 3 } else { flat };
     let side = 3 - long - flat;
     let wide = half[side];
-    let thin = half[flat].max(wide / (1.0 + 0.5 * APART * (ROWS - 1) as f64)).max(THINNEST).min(half[long]);
-    let gaps = ((wide - thin) / (0.5 * APART * thin) - 1e-9).ceil().max(0.0);
+    let thin = half[flat].max(wide / (1.0 + 0.5 * MAX_SPACING * (MAX_ROWS - 1) as f64)).max(MIN_RADIUS).min(half[long]);
+    let gaps = ((wide - thin) / (0.5 * MAX_SPACING * thin) - 1e-9).ceil().max(0.0);
     let place = |k: usize| if gaps > 0.0 { (2.0 * k as f64 / gaps - 1.0) * (wide - thin) } else { 0.0 };
     let row = |y: f64| along(&(pose * Translation3::from(Vector3::ith(side, y))), long, reach(y, thin), thin);
     (0..=gaps as usize).map(|k| row(place(k))).collect()
@@ -162,8 +162,8 @@ const DIRECTIONS: usize = 200;
 const STATIONS: usize = 11;
 /// Least radius along a fitted capsule, as a share of its largest: the ends are cut there. Least radius of the capsule
 /// itself, as a share of the box's: otherwise it is dropped.
-const LEFT: f64 = 0.6;
-const THERE: f64 = 0.3;
+const MIN_END_RADIUS: f64 = 0.6;
+const MIN_RADIUS_SHARE: f64 = 0.3;
 
 impl Room {
     fn of(vertices: &[Vector3<f64>]) -> Option<Self> {
@@ -187,15 +187,15 @@ impl Room {
         let room: Vec<f64> =
             (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();
         let most = room.iter().copied().fold(0.0, f64::max);
-        let kept = |k: &usize| room[*k] >= LEFT * most;
+        let kept = |k: &usize| room[*k] >= MIN_END_RADIUS * most;
         let (first, last) = ((0..STATIONS).find(kept)?, (0..STATIONS).rfind(kept)?);
         let radius = room[first..=last].iter().sum::<f64>() / (last + 1 - first) as f64;
         let (a, b) = (station(first), station(last));
         let fitted = Capsule {
             middle: bar.middle + bar.half * (0.5 * (a + b)),
             half: bar.half * (0.5 * (b - a)),
-            radius: radius.max(THINNEST),
+            radius: radius.max(MIN_RADIUS),
         };
-        (most >= THERE * bar.radius || most <= THINNEST).then_some(fitted)
+        (most >= MIN_RADIUS_SHARE * bar.radius || most <= MIN_RADIUS).then_some(fitted)
     }
 }

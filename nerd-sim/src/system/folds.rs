@@ -12,7 +12,7 @@ use crate::internal::*;
 use crate::scene::{PairLaw, Surfaces};
 
 /// Distance (m) below which parts in the default pose count as touching.
-const TOUCHING: f64 = 1e-3;
+const MAX_TOUCHING_DISTANCE: f64 = 1e-3;
 
 /// The parts of a robot that may touch each other; empty by default.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,7 +59,8 @@ impl Folds {
         };
         let pairs = solid.iter().flat_map(|b| solid.iter().take_while(move |a| *a < b).map(move |a| [*a, *b]));
         let apart = pairs.filter_map(|pair| Some((pair, law(pair)?)));
-        let (touch, pairs): (Vec<_>, Vec<_>) = apart.partition(|(pair, _)| folds.gap(pair, &data) < TOUCHING);
+        let (touch, pairs): (Vec<_>, Vec<_>) =
+            apart.partition(|(pair, _)| folds.gap(pair, &data) < MAX_TOUCHING_DISTANCE);
         let mut touch: Vec<_> = touch.iter().map(|(pair, _)| pair.map(|part| folds.links[part])).collect();
         touch.dedup();
         (folds.pairs, folds.laws) = pairs.into_iter().unzip();

@@ -4,7 +4,7 @@ use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 use super::derive::{Ground, derived, floats, plain, touch};
-use super::start::{DRAWS, overlaps};
+use super::start::{MAX_DRAWS, overlaps};
 use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check, world::World};
 use crate::files::{
     read_text,
@@ -95,28 +95,7 @@ impl System {
     fn derived(name: &str, file: Description, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points =
             own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
-        let read = |floating| -> Result<UrdfRobot, UrdfError> {
-            file.stands(floating)?;
-            let mut read = UrdfRobot::of_alone(&file.bodies, base(floating))?;
-            touch(&mut read, path, points);
-            Ok(read)
-        };
-        let read = match own.get("floating").and_then(toml::Value::as_bool).or(file.floating()) {
-            Some(floating) => read(floating),
-            // If one kind of base is impossible, the file requires the other.
-            None => match read(true) {
-                Ok(free) if floats(&free.robot) => Ok(free),
-                Ok(free) => Ok(read(false).unwrap_or(free)),
-                Err(cause) => match read(false) {
-                    Ok(mut fixed) => {
-                        fixed.notes.push(format!("its base is taken as fixed, since a free one cannot be: {cause}"));
-                        Ok(fixed)
-                    }
-                    Err(UrdfError::Still) => Err(cause),
-                    Err(error) => Err(error),
-                },
-            },
-        };
+        let read = based(&file, path, points, own.get("floating").and_then(toml::Value::as_bool).or(file.floating()));
         let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
         read.notes.extend(file.notes.iter().cloned());
         if untouched(&own) {
@@ -157,17 +136,7 @@ impl System {
             system.notes.extend(overlaps(&system));
             system
         });
-        // Errors in derived keys are reported as errors of the file: no user wrote these keys.
-        made.map_err(|error| match error {
-            SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(
-                robot,
-                format!("{DRAWS} starts above the ground"),
-                scene,
-                "say where it starts by `position`, `sample` and `reset` of [root] in a .toml beside it, under `like = \"urdf\"`".into(),
-            ),
-            SystemError::Spec(robot, text) if silent => SystemError::Urdf(robot, UrdfError::Refused(spoken(&text))),
-            other => other,
-        })
+        made.map_err(|error| reported(error, silent, rooted))
     }
 
     /// From the text of a URDF or MJCF alone: gravity along -z unless the file sets it, frames of 1/60 s, no torque.
@@ -248,4 +217,50 @@ fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
     name_columns(robot, &mut spec);
     let together = "[cable] length, diameter, mass, bending, twisting and links make together what is beyond any cable";
     check(&spec, robot).map_err(|e| format!("{together}: {e}"))
+}
+
+/// The robot of a file on the base that is asked for, else on the likelier one.
+fn based(
+    file: &Description,
+    path: Option<&Path>,
+    points: usize,
+    floating: Option<bool>,
+) -> Result<UrdfRobot, UrdfError> {
+    let read = |floating| -> Result<UrdfRobot, UrdfError> {
+        file.stands(floating)?;
+        let mut read = UrdfRobot::of_alone(&file.bodies, base(floating))?;
+        touch(&mut read, path, points);
+        Ok(read)
+    };
+    match floating {
+        Some(floating) => read(floating),
+        // If one kind of base is impossible, the file requires the other.
+        None => match read(true) {
+            Ok(free) if floats(&free.robot) => Ok(free),
+            Ok(free) => Ok(read(false).unwrap_or(free)),
+            Err(cause) => match read(false) {
+                Ok(mut fixed) => {
+                    fixed.notes.push(format!("its base is taken as fixed, since a free one cannot be: {cause}"));
+                    Ok(fixed)
+                }
+                Err(UrdfError::Still) => Err(cause),
+                Err(error) => Err(error),
+            },
+        },
+    }
+}
+
+/// Errors in derived keys are reported as errors of the file: no user wrote these keys.
+/// `silent`: the user wrote none; `rooted`: the user wrote `[root]`.
+fn reported(error: SystemError, silent: bool, rooted: bool) -> SystemError {
+    match error {
+        SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(
+            robot,
+            format!("{MAX_DRAWS} starts above the ground"),
+            scene,
+            "say where it starts by `position`, `sample` and `reset` of [root] in a .toml beside it, under `like = \"urdf\"`".into(),
+        ),
+        SystemError::Spec(robot, text) if silent => SystemError::Urdf(robot, UrdfError::Refused(spoken(&text))),
+        other => other,
+    }
 }

@@ -28,6 +28,6 @@ pub use meet::contacts;
 pub use model::{Source, System, SystemError, TERRAIN};
 pub use spec::*;
 pub use start::Start;
-pub(crate) use validate::MOST_SUBSTEPS;
+pub(crate) use validate::MAX_SUBSTEPS;
 pub use visuals::{Geometry, Visual};
 pub(crate) use world::inverse_weights;

@@ -27,19 +27,19 @@ impl Start {
 }
 
 /// Number of draws after which a specification is refused as too strict.
-pub(crate) const DRAWS: usize = 10_000;
+pub(crate) const MAX_DRAWS: usize = 10_000;
 
 /// Penetration (m) beyond which an overlap is reported.
-const DEEP: f64 = 1e-3;
+const MAX_OVERLAP: f64 = 1e-3;
 
-/// The first of [`DRAWS`] starts with the clearance from the data's scene that the specification requires. A robot on a
-/// fixed base must not start inside the scene. Inside static objects of its file, it may start no deeper than in its
-/// default pose.
+/// The first of [`MAX_DRAWS`] starts with the clearance from the data's scene that the specification requires. A robot
+/// on a fixed base must not start inside the scene. Inside static objects of its file, it may start no deeper than in
+/// its default pose.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-    (0..DRAWS).map(|_| draw(system, which, rng)).find(|state| {
+    (0..MAX_DRAWS).map(|_| draw(system, which, rng)).find(|state| {
         contacts(system, &scene, state, &mut data, &mut events);
         events.iter().zip(&least).all(|(e, least)| e.distance >= *least)
     })
@@ -72,7 +72,7 @@ pub(crate) fn overlaps(system: &System) -> Option<String> {
     let deep = |(event, point): (&ContactEvent, &ContactPoint)| (point.radius - event.distance, point.link);
     let (depth, link) = events.iter().zip(&robot.contact_points).map(deep).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let name = &robot.links[link].name;
-    (depth > DEEP)
+    (depth > MAX_OVERLAP)
         .then(|| format!("`{name}` is {:.1} mm inside of what stands in its file, and is pushed out", 1e3 * depth))
 }
 

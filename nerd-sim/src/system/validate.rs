@@ -5,28 +5,28 @@
 
 use std::collections::HashSet;
 
-use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart};
+use super::spec::{ContactSpec, ControlSpec, JointSpec, RootSpec, RootStart};
 use crate::{internal::*, scene::WORLDS};
 
 /// Maximum number of substeps per frame: a robot with ten joints takes a tenth of a second for them.
-pub(crate) const MOST_SUBSTEPS: usize = 100_000;
+pub(crate) const MAX_SUBSTEPS: usize = 100_000;
 /// Largest position (m).
-const FAR: f64 = 1e7;
+const MAX_POSITION: f64 = 1e7;
 /// Largest angle (rad), length at a joint or radius (m).
-const WIDE: f64 = 1e6;
+const MAX_ANGLE_OR_LENGTH: f64 = 1e6;
 /// Largest velocity (rad/s or m/s).
-const FAST: f64 = 1e6;
+const MAX_VELOCITY: f64 = 1e6;
 /// Largest force, stiffness or damping, in SI units.
-const STRONG: f64 = 1e9;
-const MOST_VERTICES: usize = 10_000;
+const MAX_FORCE: f64 = 1e9;
+const MAX_VERTICES: usize = 10_000;
 /// Columns of trajectory tables that no coordinate may be named after.
 pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
 
 /// Checks a specification for `robot`; an error names key, value and requirement.
 pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     within(format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
-    within("substeps", spec.substeps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
-    within("mesh_points", spec.mesh_points as f64, 0.0..=MOST_VERTICES as f64, "")?;
+    within("substeps", spec.substeps as f64, 1.0..=MAX_SUBSTEPS as f64, "")?;
+    within("mesh_points", spec.mesh_points as f64, 0.0..=MAX_VERTICES as f64, "")?;
     vector("gravity", &spec.gravity, 1e3, "m/s^2")?;
     let gravity = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     if spec.gravity != [0.0; 3] && gravity < 1e-6 {
@@ -45,45 +45,12 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
         Some(root) => self::root(root, spec.data_scene.is_some())?,
         None => {}
     }
-    let link = |name: &str| robot.link(name).is_ok();
-    if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !link(n)) {
+    let known = |name: &str| robot.link(name).is_ok();
+    if let Some(unknown) = spec.mass_matrix_of.iter().flat_map(|(a, b)| [a, b]).find(|n| !known(n)) {
         return Err(format!("mass_matrix_of names unknown link `{unknown}`"));
     }
-    for (i, contact) in spec.contacts.iter().enumerate() {
-        let at = |key: &str| format!("[[contact]] {} on link `{}`: {key}", i + 1, contact.link);
-        if !link(&contact.link) {
-            return Err(at("no such link moves"));
-        }
-        if contact.point.is_some() != contact.vertices.is_empty() {
-            return Err(at("a `point` or `vertices` are needed, and not both"));
-        }
-        if contact.axis.is_some() != contact.rim.is_some() || contact.axis.is_some() && contact.point.is_none() {
-            return Err(at("a disc needs `point`, `axis` and `rim`"));
-        }
-        if contact.vertices.len() > MOST_VERTICES {
-            return Err(at(&format!("{} vertices, at most {MOST_VERTICES} are possible", contact.vertices.len())));
-        }
-        for place in contact.point.iter().chain(&contact.vertices) {
-            vector(&at(if contact.point.is_some() { "point" } else { "vertices" }), place, WIDE, "m")?;
-        }
-        if let Some(axis) = &contact.axis {
-            vector(&at("axis"), axis, WIDE, "1")?;
-            within(at("length of axis"), Vector3::from(*axis).norm(), 1e-6..=2.0 * WIDE, "1")?;
-        }
-        within(at("rim"), contact.rim.unwrap_or(1.0), 0.0..=WIDE, "m")?;
-        within(at("radius"), contact.radius, 0.0..=WIDE, "m")?;
-        within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=WIDE, "m")?;
-    }
-    if let Some(plane) = &spec.random_plane {
-        within("random_plane.reach", plane.reach, 0.0..=FAR, "m")?;
-        within("random_plane.clearance", plane.clearance, 0.0..=FAR, "m")?;
-    }
-    if let Some(pegs) = &spec.random_pegs {
-        within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
-        law("random_pegs.radius", &pegs.radius, 1e-6..=WIDE, "m")?;
-        within("random_pegs.height", pegs.height, 1e-6..=WIDE, "m")?;
-        laws("random_pegs.position", &pegs.position, FAR, "m")?;
-    }
+    spec.contacts.iter().enumerate().try_for_each(|(i, contact)| self::contact(i, contact, robot))?;
+    random(spec)?;
     if let Some(pace) = &spec.smooth {
         law("smooth", pace, 0.0..=1e6, "s")?;
         if spec.control.is_some_and(|control| control.data.is_some()) {
@@ -92,6 +59,48 @@ pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     }
     scenes(spec)?;
     columns(spec, robot)
+}
+
+/// Checks the `i`-th `[[contact]]`.
+fn contact(i: usize, contact: &ContactSpec, robot: &Robot) -> Result<(), String> {
+    let at = |key: &str| format!("[[contact]] {} on link `{}`: {key}", i + 1, contact.link);
+    if robot.link(&contact.link).is_err() {
+        return Err(at("no such link moves"));
+    }
+    if contact.point.is_some() != contact.vertices.is_empty() {
+        return Err(at("a `point` or `vertices` are needed, and not both"));
+    }
+    if contact.axis.is_some() != contact.rim.is_some() || contact.axis.is_some() && contact.point.is_none() {
+        return Err(at("a disc needs `point`, `axis` and `rim`"));
+    }
+    if contact.vertices.len() > MAX_VERTICES {
+        return Err(at(&format!("{} vertices, at most {MAX_VERTICES} are possible", contact.vertices.len())));
+    }
+    for place in contact.point.iter().chain(&contact.vertices) {
+        vector(&at(if contact.point.is_some() { "point" } else { "vertices" }), place, MAX_ANGLE_OR_LENGTH, "m")?;
+    }
+    if let Some(axis) = &contact.axis {
+        vector(&at("axis"), axis, MAX_ANGLE_OR_LENGTH, "1")?;
+        within(at("length of axis"), Vector3::from(*axis).norm(), 1e-6..=2.0 * MAX_ANGLE_OR_LENGTH, "1")?;
+    }
+    within(at("rim"), contact.rim.unwrap_or(1.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
+    within(at("radius"), contact.radius, 0.0..=MAX_ANGLE_OR_LENGTH, "m")?;
+    within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")
+}
+
+/// Checks the laws of random scenes.
+fn random(spec: &Spec) -> Result<(), String> {
+    if let Some(plane) = &spec.random_plane {
+        within("random_plane.reach", plane.reach, 0.0..=MAX_POSITION, "m")?;
+        within("random_plane.clearance", plane.clearance, 0.0..=MAX_POSITION, "m")?;
+    }
+    if let Some(pegs) = &spec.random_pegs {
+        within("random_pegs.count", pegs.count as f64, 1.0..=100.0, "")?;
+        law("random_pegs.radius", &pegs.radius, 1e-6..=MAX_ANGLE_OR_LENGTH, "m")?;
+        within("random_pegs.height", pegs.height, 1e-6..=MAX_ANGLE_OR_LENGTH, "m")?;
+        laws("random_pegs.position", &pegs.position, MAX_POSITION, "m")?;
+    }
+    Ok(())
 }
 
 fn vector(key: &str, values: &[f64], most: f64, unit: &str) -> Result<(), String> {
@@ -141,23 +150,23 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
     let unit = |turning, sliding| if slides { sliding } else { turning };
     let (place, speed, force) = (unit("rad", "m"), unit("rad/s", "m/s"), unit("N m", "N"));
     let (stiffness, damping) = (unit("N m/rad", "N/m"), unit("N m s/rad", "N s/m"));
-    within(at("default_q"), joint.default_q, -WIDE..=WIDE, place)?;
-    within(at("rest"), joint.rest, -WIDE..=WIDE, place)?;
+    within(at("default_q"), joint.default_q, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, place)?;
+    within(at("rest"), joint.rest, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, place)?;
     for (key, x, most, unit) in [
         ("armature", Some(joint.armature), 1e6, unit("kg m^2", "kg")),
-        ("stiffness", Some(joint.stiffness), STRONG, stiffness),
-        ("limit.stiffness", joint.limit.map(|l| l.stiffness), STRONG, stiffness),
-        ("limit.damping", joint.limit.map(|l| l.damping), STRONG, damping),
-        ("torque", Some(joint.torque), STRONG, force),
-        ("gain", joint.gain, STRONG, force),
-        ("kp", Some(joint.kp), STRONG, stiffness),
-        ("kd", Some(joint.kd), STRONG, damping),
+        ("stiffness", Some(joint.stiffness), MAX_FORCE, stiffness),
+        ("limit.stiffness", joint.limit.map(|l| l.stiffness), MAX_FORCE, stiffness),
+        ("limit.damping", joint.limit.map(|l| l.damping), MAX_FORCE, damping),
+        ("torque", Some(joint.torque), MAX_FORCE, force),
+        ("gain", joint.gain, MAX_FORCE, force),
+        ("kp", Some(joint.kp), MAX_FORCE, stiffness),
+        ("kd", Some(joint.kd), MAX_FORCE, damping),
     ] {
         x.map_or(Ok(()), |x| within(at(key), x, 0.0..=most, unit))?;
     }
     for (box_, start) in [("sample", &joint.sample), ("reset", &joint.reset)] {
-        law(&at(&format!("{box_}.q")), &start.q, -WIDE..=WIDE, place)?;
-        law(&at(&format!("{box_}.qd")), &start.qd, -FAST..=FAST, speed)?;
+        law(&at(&format!("{box_}.q")), &start.q, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, place)?;
+        law(&at(&format!("{box_}.qd")), &start.qd, -MAX_VELOCITY..=MAX_VELOCITY, speed)?;
         if let Some(other) = start.minus.as_ref().filter(|name| !earlier.contains(&name.as_str())) {
             let known = if earlier.is_empty() { "none".into() } else { earlier.join(", ") };
             return Err(at(&format!("{box_}.minus is {other:?}, which is not an earlier joint (earlier is {known})")));
@@ -167,14 +176,14 @@ fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String
 }
 
 fn control(control: &ControlSpec) -> Result<(), String> {
-    within("[control] scale", control.scale, -WIDE..=WIDE, "rad or m")?;
+    within("[control] scale", control.scale, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, "rad or m")?;
     let Some(gains) = &control.data else { return Ok(()) };
-    law("[control] data.kp", &gains.kp, 0.0..=STRONG, "N m/rad or N/m")?;
-    law("[control] data.kd", &gains.kd, 0.0..=STRONG, "N m s/rad or N s/m")
+    law("[control] data.kp", &gains.kp, 0.0..=MAX_FORCE, "N m/rad or N/m")?;
+    law("[control] data.kd", &gains.kd, 0.0..=MAX_FORCE, "N m s/rad or N s/m")
 }
 
 fn root(root: &RootSpec, has_scene: bool) -> Result<(), String> {
-    vector("[root] position", &root.position, FAR, "m")?;
+    vector("[root] position", &root.position, MAX_POSITION, "m")?;
     let size = root.quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     within("[root] quaternion's size", size, 1e-3..=1e3, "")?;
     start("[root.sample]", &root.sample, has_scene)?;
@@ -183,12 +192,12 @@ fn root(root: &RootSpec, has_scene: bool) -> Result<(), String> {
 
 fn start(table: &str, start: &RootStart, has_scene: bool) -> Result<(), String> {
     let at = |key: &str| format!("{table} {key}");
-    laws(&at("position"), &start.position, FAR, "m")?;
-    laws(&at("ang_vel"), &start.ang_vel, FAST, "rad/s")?;
-    laws(&at("velocity"), &start.velocity, FAST, "m/s")?;
-    law(&at("tilt"), &start.tilt, -WIDE..=WIDE, "rad")?;
+    laws(&at("position"), &start.position, MAX_POSITION, "m")?;
+    laws(&at("ang_vel"), &start.ang_vel, MAX_VELOCITY, "rad/s")?;
+    laws(&at("velocity"), &start.velocity, MAX_VELOCITY, "m/s")?;
+    law(&at("tilt"), &start.tilt, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, "rad")?;
     let Some(clearance) = start.clearance else { return Ok(()) };
-    within(at("clearance"), clearance, 0.0..=FAR, "m")?;
+    within(at("clearance"), clearance, 0.0..=MAX_POSITION, "m")?;
     if has_scene { Ok(()) } else { Err(at("has a clearance, but there is no data_scene")) }
 }
 
@@ -212,8 +221,8 @@ fn scenes(spec: &Spec) -> Result<(), String> {
                 "files are called by it; letters, digits, `-`, `_` and `.` are allowed, a letter or digit first",
             ));
         }
-        within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
-        vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
+        within(at("plane.height"), scene.plane.height, -MAX_POSITION..=MAX_POSITION, "m")?;
+        vector(&at("plane.angles"), &scene.plane.angles, MAX_ANGLE_OR_LENGTH, "rad")?;
         if let Some(terrain) = &scene.terrain {
             terrain.check().map_err(|e| at(&format!("terrain: {e}")))?;
             if scene.plane.angles != [0.0; 3] {
@@ -224,14 +233,14 @@ fn scenes(spec: &Spec) -> Result<(), String> {
             b.size
                 .iter()
                 .enumerate()
-                .try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
-            vector(&at("box.position"), &b.position, FAR, "m")?;
-            within(at("box.yaw"), b.yaw, -WIDE..=WIDE, "rad")?;
+                .try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=MAX_ANGLE_OR_LENGTH, "m"))?;
+            vector(&at("box.position"), &b.position, MAX_POSITION, "m")?;
+            within(at("box.yaw"), b.yaw, -MAX_ANGLE_OR_LENGTH..=MAX_ANGLE_OR_LENGTH, "rad")?;
         }
         for peg in &scene.pegs {
-            within(at("peg.radius"), peg.radius, 1e-6..=WIDE, "m")?;
-            within(at("peg.height"), peg.height, 1e-6..=WIDE, "m")?;
-            vector(&at("peg.position"), &peg.position, FAR, "m")?;
+            within(at("peg.radius"), peg.radius, 1e-6..=MAX_ANGLE_OR_LENGTH, "m")?;
+            within(at("peg.height"), peg.height, 1e-6..=MAX_ANGLE_OR_LENGTH, "m")?;
+            vector(&at("peg.position"), &peg.position, MAX_POSITION, "m")?;
         }
         if let Some(m) = &scene.material {
             m.check().map_err(|e| at(&format!("material: {e}")))?;

@@ -8,7 +8,7 @@ use super::mesh::hull::{bounds, faces, few};
 use crate::internal::*;
 
 /// Largest loss of a hull's support function against its mesh, relative to the mesh's size.
-const COARSE: f64 = 0.02;
+const MAX_SUPPORT_LOSS: f64 = 0.02;
 
 /// A visual shape.
 #[derive(Clone, Debug)]
@@ -89,6 +89,6 @@ fn geometry(form: &Form, path: Option<&Path>, known: &mut Known) -> Option<Geome
 
 fn hulled(all: &[Vector3<f64>]) -> Option<Geometry> {
     let [low, high] = bounds(all)?;
-    let (corners, triangles) = faces(&few(all, |_| f64::NEG_INFINITY, COARSE * (high - low).amax()))?;
+    let (corners, triangles) = faces(&few(all, |_| f64::NEG_INFINITY, MAX_SUPPORT_LOSS * (high - low).amax()))?;
     Some(Geometry::Hull(corners, triangles))
 }

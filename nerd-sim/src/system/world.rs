@@ -17,7 +17,7 @@ pub(crate) struct World {
 }
 
 /// Height above the lowest contact point, as a share of the robot's extent, up to which contact points carry weight.
-const LEVEL: f64 = 0.02;
+const MAX_CARRYING_HEIGHT: f64 = 0.02;
 
 impl World {
     /// The world of a file at `path`; an unreadable mesh is left out, with a note.
@@ -79,7 +79,7 @@ pub(super) fn soften(
     let up = up(gravity);
     let heights: Vec<f64> = robot.contact_points.iter().map(|p| crate::scene::foot(p, &data, &up)).collect();
     let [low, high] = heights.iter().fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(*x), high.max(*x)]);
-    let bearing = heights.iter().filter(|x| **x <= low + LEVEL * (high - low)).count().max(1);
+    let bearing = heights.iter().filter(|x| **x <= low + MAX_CARRYING_HEIGHT * (high - low)).count().max(1);
     let load = robot.mass() * gravity.norm() / bearing as f64;
     let body =
         |surface: usize| robot.contact_points.iter().find(|p| p.surface == Some(surface)).map(|p| weights[p.link]);

@@ -35,7 +35,9 @@ BIG double ground(const Seen& s, double ahead, double aside) {
     b = length > 1e-9 ? b / length : 0;
     const int first[2] = {0, 0};
     const double* g = grid(f);
-    return up + height(g, f[13], first, (at[0] + a * ahead - b * aside) / g[GRID_CELLS], (at[1] + b * ahead + a * aside) / g[GRID_CELLS + 1], slope);
+    return up
+           + height(g, f[13], first, (at[0] + a * ahead - b * aside) / g[GRID_CELLS],
+                    (at[1] + b * ahead + a * aside) / g[GRID_CELLS + 1], slope);
 #else
     return 0;
 #endif

@@ -65,7 +65,8 @@ FN void climb(const World& w, int env, bool lasted) {
 
 // An environment for formulas, with `asks` including kinematics and distances.
 FN Seen seen(const World& w, int env, Work& work, bool asks) {
-    const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, w.scenes + (long long)w.scene_of[env] * SCENE, &work};
+    const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS,
+                    w.scenes + (long long)w.scene_of[env] * SCENE, &work};
     if (asks) settle(work, s.state, s.scene);
     return s;
 }
@@ -139,12 +140,13 @@ FN void observe(const World& w, int env, Work& work, double* out) {
 
 // After a step: reward, end (0 none, 1 terminated, 2 truncated) and next input row. `cut` gets the final row of
 // truncated episodes, `reached`, if not null, the state; NaN where the solver failed.
-FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end,
-              double* reached) {
+FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth,
+              double* reward, unsigned char* end, double* reached) {
     counted(w, env);
     double *state = w.states + (long long)env * STATE, now[SEEN], out;
     for (int k = 0; k < STATE; k++) if (!(fabs(state[k]) <= FAR)) w.failed[env] = 1;
-    for (int k = 0; k < STATE && reached; k++) reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
+    for (int k = 0; k < STATE && reached; k++)
+        reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
     Work work;
     if (w.failed[env]) {
         // As on the CPU: one start after the failure, one after the end.
@@ -182,13 +184,13 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
     observe(w, env, work, next);
 }
 
-extern "C" __global__ void task_act(const World* world, const float* actions, int frame, double* past_states, double* past_torques,
-                                    double* past_goals) {
+extern "C" __global__ void task_act(const World* world, const float* actions, int frame, double* past_states,
+                                    double* past_torques, double* past_goals) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env < world->n) act(*world, env, actions, frame, {past_states, past_torques, past_goals});
 }
-extern "C" __global__ void task_judge(const World* world, const double* rows, double* next, double* cut, unsigned* cuts, int depth, double* rewards,
-                                      unsigned char* ends, double* reached) {
+extern "C" __global__ void task_judge(const World* world, const double* rows, double* next, double* cut, unsigned* cuts,
+                                      int depth, double* rewards, unsigned char* ends, double* reached) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     const long long at = (long long)env * depth * SEEN;
     if (env < world->n) judge(*world, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env, reached);

@@ -71,7 +71,8 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     remember(goal, b.drawn + i * ACTIONS);
     s.goal = goal;
     task_reward_back(s, b.torques + ((frame - 1) * w.n + env) * NJ, &by, gradient, by_torques);
-    if (b.asked[i] >= 0) seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, gradient);
+    if (b.asked[i] >= 0)
+        seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, gradient);
 }
 
 // Adjoint from the torques of a frame to the action of its step; needs the solver's adjoint of the frame. At the first
@@ -96,7 +97,8 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
         by_action[k] = last ? 0 : kept[k];
     }
     Work work;
-    task_act_back(was(w, b, frame, env, work, b.states + (frame * w.n + env) * STATE, ACT_ASKS), action, by, gradient, by_action);
+    task_act_back(was(w, b, frame, env, work, b.states + (frame * w.n + env) * STATE, ACT_ASKS), action, by, gradient,
+                  by_action);
     for (int k = 0; k < ACTIONS; k++) kept[k] = by_action[k];
     if (!sound(by_action, ACTIONS)) b.without[env] = 1;
     if (!first) return;

@@ -13,7 +13,12 @@ constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a mask with a bit p
 // A recorded substep: q in its middle (Runge-Kutta: at its start), local qd at its start, rate found, idle touches,
 // slip and turn offsets of contacts (touch.cuh).
 constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // most contacts with recorded offsets, 0 for others
-struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; V3 held[HOLDS], turn_offset[TURNS ? HOLDS : 1]; };
+struct Kept {
+    double q[NQ];
+    real qd[NV], rate[NV];
+    unsigned idle[IDLE];
+    V3 held[HOLDS], turn_offset[TURNS ? HOLDS : 1];
+};
 
 struct Back {
     bool implicit;                         // whether substeps were implicit
@@ -25,7 +30,8 @@ struct Back {
     real guess[NV];
     unsigned early[IDLE];
     // Gradients, as gradients/row.rs.
-    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], across[PAIRS + 1], damping_used[NJ + 1], share[NJ + 1], drives[PULLS][2];
+    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], across[PAIRS + 1], damping_used[NJ + 1],
+        share[NJ + 1], drives[PULLS][2];
     Wrench loads[NL], starts[NL];
     V3 way;
     // Gradients w.r.t. contact forces and torques at a stage's end (held) and start (holds).
@@ -97,7 +103,8 @@ BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
             b.by_virtual[0] = b.by_virtual[0] - drag(t, v);
             b.by_velocity[0] = b.by_velocity[0] - drag(t, l);
             const V3 x = t.position[0];
-            b.loads[0] = b.loads[0] - force_at((cross(at(v, x), l.ang) + cross(at(l, x), v.ang)) * (real)ROOT_DAMPING, x);
+            b.loads[0] = b.loads[0]
+                         - force_at((cross(at(v, x), l.ang) + cross(at(l, x), v.ang)) * (real)ROOT_DAMPING, x);
         }
     });
 }

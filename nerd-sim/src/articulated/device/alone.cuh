@@ -3,8 +3,9 @@
 // Advances `n` environments by `frames` frames, under one set of torques (`held`) or one per frame. After a fault an
 // environment stands still; `done` counts its completed frames. `asked`: commanded torques in a family's actuator
 // model.
-extern "C" __global__ void advance(double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
-                                   double* forces, int* faults, int* done, int n, int frames, int held
+extern "C" __global__ void advance(double* states, const double* torques, const double* scenes, const int* scene_of,
+                                   const double* drives, double* forces, int* faults, int* done, int n, int frames,
+                                   int held
 #if RIGGED
                                    , double* asked, unsigned* known
 #endif

@@ -19,8 +19,13 @@ struct Along {
     double joints[NJ + 1], dampers[NJ + 1], x[NV];
 };
 
-FN void stack(const Motion& m, double* s) { s[0] = m.ang.x; s[1] = m.ang.y; s[2] = m.ang.z; s[3] = m.lin.x; s[4] = m.lin.y; s[5] = m.lin.z; }
-FN double dot6(const double* a, const double* b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]; }
+FN void stack(const Motion& m, double* s) {
+    s[0] = m.ang.x; s[1] = m.ang.y; s[2] = m.ang.z;
+    s[3] = m.lin.x; s[4] = m.lin.y; s[5] = m.lin.z;
+}
+FN double dot6(const double* a, const double* b) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5];
+}
 FN void times(const double* a, const double* x, double* y) {
     for (int r = 0; r < 6; r++) {
         y[r] = 0;
@@ -35,14 +40,17 @@ BIG void inertias(const Tree& t, Along& f) {
         const double m = MASS(t)[i], p[3] = {t.position[i].x, t.position[i].y, t.position[i].z};
         double half[9], c[3], *own = f.inertia[i];
         for (int r = 0; r < 3; r++) {
-            c[r] = p[r] + (double)q[3 * r] * COM(t)[3 * i] + (double)q[3 * r + 1] * COM(t)[3 * i + 1] + (double)q[3 * r + 2] * COM(t)[3 * i + 2];
+            c[r] = p[r] + (double)q[3 * r] * COM(t)[3 * i] + (double)q[3 * r + 1] * COM(t)[3 * i + 1]
+                   + (double)q[3 * r + 2] * COM(t)[3 * i + 2];
             for (int k = 0; k < 3; k++)
-                half[3 * r + k] = (double)q[3 * r] * b[k] + (double)q[3 * r + 1] * b[3 + k] + (double)q[3 * r + 2] * b[6 + k];
+                half[3 * r + k] = (double)q[3 * r] * b[k] + (double)q[3 * r + 1] * b[3 + k]
+                                  + (double)q[3 * r + 2] * b[6 + k];
         }
         const double square = m * (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
         for (int r = 0; r < 3; r++)
             for (int k = 0; k <= r; k++) {
-                const double turned = half[3 * r] * q[3 * k] + half[3 * r + 1] * q[3 * k + 1] + half[3 * r + 2] * q[3 * k + 2];
+                const double turned = half[3 * r] * q[3 * k] + half[3 * r + 1] * q[3 * k + 1]
+                                      + half[3 * r + 2] * q[3 * k + 2];
                 own[LOWER(r, k)] = turned - m * c[r] * c[k] + (r == k ? square : 0);
                 own[LOWER(r + 3, k + 3)] = r == k ? m : 0;
             }
@@ -143,7 +151,8 @@ BIG bool spread(Tree& t, Along& f) {
         f.alone[i] = inverse + dot6(f.gain[i], v) * inverse * inverse;
         for (int r = 0; r < 6; r++)
             for (int c = 0; c <= r; c++)
-                f.inv_inertia[i][LOWER(r, c)] = (p < 0 ? 0 : f.inv_inertia[p][LOWER(r, c)]) - (s[r] * v[c] + v[r] * s[c]) * inverse + s[r] * s[c] * f.alone[i];
+                f.inv_inertia[i][LOWER(r, c)] = (p < 0 ? 0 : f.inv_inertia[p][LOWER(r, c)])
+                                                - (s[r] * v[c] + v[r] * s[c]) * inverse + s[r] * s[c] * f.alone[i];
     }
     return true;
 }
@@ -175,7 +184,9 @@ FN void resist(Along& f, int link, V3 x, V3 n, V3 force, double along, double ac
     for (int r = 0; r < 6; r++)
         for (int c = 0; c <= r; c++) {
             double same;    // entry of J_x^T J_x
-            if (r < 3) same = turn[3 * r] * turn[3 * c] + turn[3 * r + 1] * turn[3 * c + 1] + turn[3 * r + 2] * turn[3 * c + 2];
+            if (r < 3)
+                same = turn[3 * r] * turn[3 * c] + turn[3 * r + 1] * turn[3 * c + 1]
+                       + turn[3 * r + 2] * turn[3 * c + 2];
             else if (c < 3) same = turn[3 * c + r - 3];
             else same = r == c;
             own[LOWER(r, c)] += (along - across) * w[r] * w[c] + across * same;
@@ -193,5 +204,6 @@ FN V3 reached(const Along& f, int link) {
 // Acceleration J qdd of a point of a link in the last solution.
 FN V3 reached(const Along& f, int link, V3 x) {
     const double* a = f.acceleration[link];
-    return v3((real)(a[3] + a[1] * x.z - a[2] * x.y), (real)(a[4] + a[2] * x.x - a[0] * x.z), (real)(a[5] + a[0] * x.y - a[1] * x.x));
+    return v3((real)(a[3] + a[1] * x.z - a[2] * x.y), (real)(a[4] + a[2] * x.x - a[0] * x.z),
+              (real)(a[5] + a[0] * x.y - a[1] * x.x));
 }

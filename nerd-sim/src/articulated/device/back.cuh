@@ -37,7 +37,8 @@ struct Keeper {
         b.once = w.once;
         for (int k = 0; k < NV; k++) b.guess[k] = w.twice ? w.guess[k] : 0;
         for (int k = 0; k < IDLE; k++) b.early[k] = 0;
-        for (int n = 0; DRIVEN && w.twice && n < w.touches + DRIVES; n++) b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
+        for (int n = 0; DRIVEN && w.twice && n < w.touches + DRIVES; n++)
+            b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
     }
 };
 
@@ -77,7 +78,8 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     twists(t, kept.qd, b.start);
     const real* before = number ? b.kept[number - 1].rate : b.guess;
     const bool spinning = spins(kept.qd, h);
-    for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
+    for (int k = 0; k < NV; k++)
+        w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
     // A point without contact in this substep keeps its held force.
     const auto begin_holds = [&]() {
         for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
@@ -120,11 +122,12 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     return 0;
 }
 
-static_assert(sizeof(Work) + sizeof(Explicit) + sizeof(Back) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; go back over its frames on the CPU");
+static_assert(sizeof(Work) + sizeof(Explicit) + sizeof(Back) < 500000,
+              "the robot is too large for a thread of a GPU, which has 512 KiB; go back over its frames on the CPU");
 
 // Steps a frame and applies its adjoint: grad_next => next, by_state, by_tau. Returns 0 or a fault.
-BIG int frame_back(const double* state, const double* tau, const double* scene, const double* drives, const double* grad_next, double* next,
-                   double* by_state, double* by_tau) {
+BIG int frame_back(const double* state, const double* tau, const double* scene, const double* drives,
+                   const double* grad_next, double* next, double* by_state, double* by_tau) {
     Work w;
     Back b;
     know(w.tree, scene);
@@ -155,14 +158,16 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
 
 // Vector-Jacobian products of `rows` gradients of each environment, one thread each; zeros where its frame fails. The
 // thread of row 0 writes next state and fault, unless `nexts` is null.
-extern "C" __global__ void gradients(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
-                                  const double* grad_next, double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
+extern "C" __global__ void gradients(const double* states, const double* torques, const double* scenes,
+                                     const int* scene_of, const double* drives, const double* grad_next, double* nexts,
+                                     double* by_states, double* by_torques, int* faults, int n, int rows) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n) return;
     const long long at = (long long)env * rows + blockIdx.y;
     double next[NQ + NV], *by_state = by_states + at * 2 * NV, *by_tau = by_torques + at * NJ;
-    const int fault = frame_back(states + (long long)env * (NQ + NV), torques + (long long)env * NJ, scenes + (long long)scene_of[env] * SCENE,
-                                 drives + (long long)env * 5 * DRIVES, grad_next + at * 2 * NV, next, by_state, by_tau);
+    const int fault = frame_back(states + (long long)env * (NQ + NV), torques + (long long)env * NJ,
+                                 scenes + (long long)scene_of[env] * SCENE, drives + (long long)env * 5 * DRIVES,
+                                 grad_next + at * 2 * NV, next, by_state, by_tau);
     for (int k = 0; k < 2 * NV && fault; k++) by_state[k] = 0;
     for (int k = 0; k < NJ && fault; k++) by_tau[k] = 0;
     if (blockIdx.y || !nexts) return;

@@ -14,7 +14,8 @@ FN void shoved(const unsigned long long* key, unsigned long long stream, unsigne
     if (frame == 0 || frame % PUSH_EVERY) return;
     Draws d = drawn_at(key, stream, PUSHES + frame / PUSH_EVERY);
     const double size = between(d, PUSHED), angle = 2 * PI * one(d);
-    for (int k = 0; k < 3; k++) state[NQ + 3 + k] += LEVEL[k] * (size * cos(angle)) + LEVEL[3 + k] * (size * sin(angle));
+    for (int k = 0; k < 3; k++)
+        state[NQ + 3 + k] += LEVEL[k] * (size * cos(angle)) + LEVEL[3 + k] * (size * sin(angle));
 #endif
 }
 
@@ -24,7 +25,8 @@ FN double normal(Draws& d, double size) {
     return size * (sqrt(-2 * log(1 - u)) * cos(2 * PI * v));
 }
 // Adds the sensor noise of a frame to a state.
-BIG void blurred(const unsigned long long* key, unsigned long long stream, unsigned long long frame, const double* scene, double* state) {
+BIG void blurred(const unsigned long long* key, unsigned long long stream, unsigned long long frame,
+                 const double* scene, double* state) {
     Draws d = drawn_at(key, stream, NOISES + frame * NOISE_BLOCKS);
     const double joint = NOISE(scene)[0], place = NOISE(scene)[1], turn = NOISE(scene)[2], per = 1 / FRAME;
     double* qd = state + NQ;
@@ -34,7 +36,8 @@ BIG void blurred(const unsigned long long* key, unsigned long long stream, unsig
             for (int k = 0; k < 3; k++) by[v][k] = normal(d, (v % 2 ? turn : place) * (v < 2 ? 1 : per));
         for (int k = 0; k < 3; k++) angle += by[1][k] * by[1][k];
         angle = sqrt(angle);
-        const double s = angle > 0 ? sin(angle / 2) / angle : 0.5, turned[4] = {by[1][0] * s, by[1][1] * s, by[1][2] * s, cos(angle / 2)};
+        const double s = angle > 0 ? sin(angle / 2) / angle : 0.5,
+                     turned[4] = {by[1][0] * s, by[1][1] * s, by[1][2] * s, cos(angle / 2)};
         about(state, qd, 1);
         double now[4];
         multiply(state + 3, turned, now);

@@ -12,14 +12,19 @@ BIG Energy energy(Work& w, const double* scene) {
         M3 body;
         for (int k = 0; k < 9; k++) body.m[k] = BODY(t)[9 * i + k];
         const M3 r = t.rotation[i];
-        const V3 c = t.position[i] + r * read3(COM(t) + 3 * i), v = at(t.velocity[i], c), spin = back(r, t.velocity[i].ang);
+        const V3 c = t.position[i] + r * read3(COM(t) + 3 * i), v = at(t.velocity[i], c),
+                 spin = back(r, t.velocity[i].ang);
         e.kinetic += 0.5 * (MASS(t)[i] * dot(v, v) + dot(spin, body * spin));
         if (!DOFS || i > 0) e.kinetic += 0.5 * ARMATURE(t)[i] * t.qd[DOF[i]] * t.qd[DOF[i]];
 #if LIFTS
         const V3 x = lifted(t, i);
-        e.potential += LIFT(t)[4 * i] * (w.gravity.x * (stands(w, 0) + x.x) + w.gravity.y * (stands(w, 1) + x.y) + w.gravity.z * (stands(w, 2) + x.z));
+        e.potential += LIFT(t)[4 * i]
+                       * (w.gravity.x * (stands(w, 0) + x.x) + w.gravity.y * (stands(w, 1) + x.y)
+                          + w.gravity.z * (stands(w, 2) + x.z));
 #endif
-        e.potential -= MASS(t)[i] * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y) + w.gravity.z * (stands(w, 2) + c.z));
+        e.potential -= MASS(t)[i]
+                       * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y)
+                          + w.gravity.z * (stands(w, 2) + c.z));
     });
     e.kinetic_and_springs = e.kinetic;
     for (int point = 0; point < NP; point++)

@@ -83,9 +83,9 @@ BIG void settle(Work& w, const double* state, const double* scene) {
     survey(w, scene);
 }
 
-// Draws starts until one is clear of the scene, MOST_DRAWS at most.
+// Draws starts until one is clear of the scene, MAX_DRAWS at most.
 BIG void start(Draws& d, double* state) {
-    for (int k = 0; k < MOST_DRAWS; k++) {
+    for (int k = 0; k < MAX_DRAWS; k++) {
         draw_start(d, state);
         if (!CLEARS) return;
         Work w;
@@ -123,7 +123,8 @@ BIG void strewn(Draws& d, double* state, const double* scene) {
     const double x = g[GRID_CELLS] * g[GRID_NODES] * one(d), y = g[GRID_CELLS + 1] * g[GRID_NODES + 1] * one(d);
     double by[3];
     for (int pass = 0; pass < 2; pass++) {
-        for (int k = 0; k < 3; k++) by[k] = pass == 0 ? f[1 + 3 * k] * x + f[2 + 3 * k] * y : f[3 + 3 * k] * (low - above);
+        for (int k = 0; k < 3; k++)
+            by[k] = pass == 0 ? f[1 + 3 * k] * x + f[2 + 3 * k] * y : f[3 + 3 * k] * (low - above);
         for (int k = 0; k < 3; k++) {
             const int i = (k + 1) % 3, j = (k + 2) % 3;
             state[k] += by[k];
@@ -181,7 +182,8 @@ BIG void controlled(const double* state, const double* scene, const double* acti
 }
 
 // Adjoint of `controlled`: gradient `by` w.r.t. tau => by_action, and by_state (added to).
-BIG void controlled_back(const double* state, const double* scene, const double* action, const double* by, double* by_action, double* by_state) {
+BIG void controlled_back(const double* state, const double* scene, const double* action, const double* by,
+                         double* by_action, double* by_state) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) by_action[i] = GAIN[i] * by[i];
         return;
@@ -190,7 +192,8 @@ BIG void controlled_back(const double* state, const double* scene, const double*
     Tree tree;
     const bool stable = gaps(state, scene, action, gap, speed, tree);
     for (int i = 0; i < NJ; i++) {
-        const double t = KP(scene)[i] * gap[i] - KD(scene)[i] * speed[i], g = !CLAMPED || fabs(t) <= GAIN[i] ? by[i] : 0;
+        const double t = KP(scene)[i] * gap[i] - KD(scene)[i] * speed[i],
+                     g = !CLAMPED || fabs(t) <= GAIN[i] ? by[i] : 0;
         gap[i] = KP(scene)[i] * g;
         speed[i] = -KD(scene)[i] * g;
     }

@@ -3,11 +3,11 @@
 use super::own::Own;
 use super::program::{Reach, Real, functions};
 use super::records::alone;
-use super::text::number;
+use super::text::{Text, number};
 use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
 use crate::system::motors::LATEST;
-use crate::system::start::{DRAWS, Start, least_clearance};
+use crate::system::start::{MAX_DRAWS, Start, least_clearance};
 
 /// Random numbers of ChaCha8 as the crate `rand` draws them: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");
@@ -34,7 +34,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let record = apart.map(|scene| alone(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
-    text.define([("MOST_DRAWS", DRAWS)]);
+    text.define([("MAX_DRAWS", MAX_DRAWS)]);
     let flags = [
         ("RELATIVE", control.is_some_and(|c| c.relative)),
         ("STABLE_PD", !reach.servo && control.is_some_and(|c| c.stable_pd)),
@@ -54,8 +54,23 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     );
     text.define([("LATEST", LATEST), ("PI", std::f64::consts::PI)]);
     text.define([("ACTION_SCALE", number(control.map_or(0.0, |c| c.scale)))]);
+    starts(&mut text, system);
+    text.table("double", "APART_FROM", record.unwrap_or_default());
+    text.table("double", "APART", clear.unwrap_or_default());
+    joints(&mut text, system);
+    reach.own.write(&mut text, system, false);
+    text.table("double", "LEVEL", level(system).iter().flat_map(|v| v.iter().copied()));
+    text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));
+    Ok(text.0 + RANDOM + include_str!("episode.cuh") + include_str!("disturb.cuh"))
+}
+
+fn ends(range: &Range) -> [f64; 2] {
+    [range.low, range.high]
+}
+
+/// Tables of a root's starts.
+fn starts(text: &mut Text, system: &System) {
     let mut numbers = |name: &str, values: Vec<f64>| text.table("double", name, values);
-    let ends = |range: &Range| [range.low, range.high];
     let root = system.spec.root.as_ref();
     let law = root.map(|root| root.reset.as_ref().unwrap_or(&root.sample));
     numbers("POSE", root.map_or(vec![0.0; 4], |root| quaternion(&root.quaternion).coords.as_slice().to_vec()));
@@ -63,18 +78,17 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     numbers("ANG_VEL", law.map_or(Vec::new(), |l| l.ang_vel.iter().flat_map(ends).collect()));
     numbers("VELOCITY", law.map_or(Vec::new(), |l| l.velocity.iter().flat_map(ends).collect()));
     numbers("TILTS", law.map_or(Vec::new(), |l| ends(&l.tilt).to_vec()));
-    numbers("APART_FROM", record.unwrap_or_default());
-    numbers("APART", clear.unwrap_or_default());
+}
+
+/// Tables of the joints' starts and actions.
+fn joints(text: &mut Text, system: &System) {
+    let mut numbers = |name: &str, values: Vec<f64>| text.table("double", name, values);
     let specs = &system.spec.joints;
     numbers("STARTS_Q", specs.iter().flat_map(|s| ends(&s.reset.q)).collect());
     numbers("STARTS_QD", specs.iter().flat_map(|s| ends(&s.reset.qd)).collect());
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("DEFAULT_Q", system.joint_specs().map(|j| j.default_q).collect());
-    reach.own.write(&mut text, system, false);
-    text.table("double", "LEVEL", level(system).iter().flat_map(|v| v.iter().copied()));
-    text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));
     let other =
         |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
-    Ok(text.0 + RANDOM + include_str!("episode.cuh") + include_str!("disturb.cuh"))
 }

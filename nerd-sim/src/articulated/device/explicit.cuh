@@ -25,7 +25,7 @@ BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
         e.vector[k] = (real)0.1 + (x - (int)x);
     }
     real length = 0;
-    for (int power = 0; power < POWERS; power++) {
+    for (int power = 0; power < POWER_STEPS; power++) {
         length = 0;
         for (int k = 0; k < n; k++) length += e.vector[k] * e.vector[k];
         length = sqrt(length);
@@ -44,12 +44,12 @@ BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
 
 // Whether joint dampers are too stiff for a substep h; tested once a frame.
 BIG bool dampers(const Tree& t, Explicit& e, real h) {
-    if (e.looked || h * DAMPED(t)[0] <= MOST_DAMPED) return false;
+    if (e.looked || h * DAMPED(t)[0] <= MAX_RADIUS) return false;
     e.looked = true;
     int n = 0;
     for (int i = 0; i < NJ; i++)
         if (DAMPING(t)[i] > 0) { e.others[n].joint = i; e.others[n++].s = 2 * h * DAMPING(t)[i]; }
-    return radius(t, e, e.others, n) > MOST_DAMPED;
+    return radius(t, e, e.others, n) > MAX_RADIUS;
 }
 
 // Whether the n active limits are too stiff for a substep h; cheap bounds first.
@@ -139,7 +139,8 @@ FN double grown(const Explicit& e, int k, real h) {
     return h / 6.0 * (e.rates[0][k] + 2 * e.rates[1][k] + 2 * e.rates[2][k] + e.rates[3][k]);
 }
 
-template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
+template <class K>
+BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
     Tree& t = w.tree;
     const real h = (real)(FRAME / substeps);
     keeper.begin(false, substeps);
@@ -149,7 +150,7 @@ template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene
         double q[NQ], qd[NV];
         for (int k = 0; k < NQ; k++) q[k] = t.q[k];
         for (int k = 0; k < NV; k++) qd[k] = t.qd[k];
-        const int state = stages(w, e, tau, q, qd, h, MOST_RK4);
+        const int state = stages(w, e, tau, q, qd, h, MAX_RADIUS_RK4);
         if (state) return state;
         for (int k = 0; k < NQ; k++) t.q[k] = q[k] + grown(e, k, h);
         for (int k = 0; k < NV; k++) t.qd[k] = (real)(qd[k] + grown(e, NQ + k, h));

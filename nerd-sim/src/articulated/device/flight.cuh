@@ -5,7 +5,8 @@ constexpr int NUMBERS = NQ + NV;
 
 // Gradient w.r.t. a rotation => w.r.t. the quaternion's numbers.
 FN void turned_back(const double* q, const real* by_turn, double* out) {
-    const double turn[4] = {by_turn[0], by_turn[1], by_turn[2], 0}, scale = 2 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    const double turn[4] = {by_turn[0], by_turn[1], by_turn[2], 0},
+                 scale = 2 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     product(turn, q, out);
     for (int k = 0; k < 4; k++) out[k] *= scale;
 }

@@ -34,21 +34,24 @@ constexpr real WHOLE = (real)(FRAME / CONTACT_SUBSTEPS);
 // m, stiffness, bound of dampings, gap, its gradient n w.r.t. a's position, place x, velocity v of a against b.
 template <class F> FN void meetings(const Tree& t, real h, const F& met) {
     for (int p = 0; p < FOLDS; p++) {
-        const int first = FOLD_PARTS[2 * p], second = FOLD_PARTS[2 * p + 1], a = FOLD_LINK[first], b = FOLD_LINK[second];
+        const int first = FOLD_PARTS[2 * p], second = FOLD_PARTS[2 * p + 1], a = FOLD_LINK[first],
+                  b = FOLD_LINK[second];
         const real *m = FOLD_MATERIAL(t) + 6 * p, *balls[2] = {FOLD_BALL + 4 * first, FOLD_BALL + 4 * second};
-        const V3 one = t.position[a] + t.rotation[a] * read3(balls[0]), other = t.position[b] + t.rotation[b] * read3(balls[1]);
+        const V3 one = t.position[a] + t.rotation[a] * read3(balls[0]),
+                 other = t.position[b] + t.rotation[b] * read3(balls[1]);
         const real reach = balls[0][3] + balls[1][3];
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
         const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach) + m[4];
         if (norm(one - other) > reach + way) continue;
-        const real inv_mass = WHOLE * FOLD_INV_MASS(t)[p], stiffness = least(m[0], STIFFEST / inv_mass / WHOLE);
+        const real inv_mass = WHOLE * FOLD_INV_MASS(t)[p],
+                   stiffness = least(m[0], MAX_FOLD_STIFFNESS / inv_mass / WHOLE);
         for (int k = FOLD_OWN[2 * first]; k < FOLD_OWN[2 * first + 1]; k++) {
             const Capsule mine = placed(t, a, k);
             if (norm(mine.middle - other) > norm(mine.half) + mine.radius + balls[1][3] + way) continue;
             for (int l = FOLD_OWN[2 * second]; l < FOLD_OWN[2 * second + 1]; l++) {
                 V3 n, x;
                 const real gap = meets(mine, placed(t, b, l), n, x) - m[4];
-                met(a, b, m, stiffness, FOLLOWED / inv_mass, gap, n, x, at(twist, x));
+                met(a, b, m, stiffness, MAX_FOLD_DAMPING / inv_mass, gap, n, x, at(twist, x));
             }
         }
     }
@@ -61,8 +64,10 @@ BIG void fold(Work& w, real h) {
         const real vn = dot(n, v), damping = least(m[1], bound), friction_damping = least(m[2], bound);
         real part;
         if (!inside(gap, (real)0.5 * h * vn, part)) return;
-        const real normal = most(0, -(part * stiffness * gap + part * (vn < 0 ? damping : least(stiffness * m[5], bound)) * vn));
-        const V3 slip = v - n * vn, f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, m[3]), turn = cross(x, f);
+        const real normal =
+            most(0, -(part * stiffness * gap + part * (vn < 0 ? damping : least(stiffness * m[5], bound)) * vn));
+        const V3 slip = v - n * vn, f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, m[3]),
+                 turn = cross(x, f);
         w.external[a] = w.external[a] + wrench(turn, f);
         w.external[b] = wrench(w.external[b].ang - turn, w.external[b].lin - f);
         w.may_gain_energy = true;

@@ -40,19 +40,23 @@ constexpr int MOST_SUBSTEPS = SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_S
 
 // Tries a frame with `finer` times the substeps; the tree holds `state`. Returns 0 or a fault.
 template <class K>
-BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, double* forces, int finer, const K& keeper) {
+BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, double* forces, int finer,
+                const K& keeper) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
     w.may_gain_energy = w.touched = false;
     w.mean_theta = finer > 1;
     w.work = w.effort = 0;
     if (HELD || DRIVEN || touching) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
-    for (int k = DOFS; k < NV; k++) w.may_gain_energy = w.may_gain_energy || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > FAST_TURN_RK4;
+    for (int k = DOFS; k < NV; k++)
+        w.may_gain_energy = w.may_gain_energy
+                            || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > FAST_TURN_RK4;
     Explicit e;
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
-    const int more = DOFS ? turned(norm(read3(w.tree.qd)) * (real)(FRAME / (SUBSTEPS * finer)), K::most / (SUBSTEPS * finer)) : 1;
+    const int more =
+        DOFS ? turned(norm(read3(w.tree.qd)) * (real)(FRAME / (SUBSTEPS * finer)), K::most / (SUBSTEPS * finer)) : 1;
     w.may_gain_energy = w.may_gain_energy || more > 1;
     const int done = runge_kutta(w, e, scene, tau, SUBSTEPS * finer * more, keeper);
     if (done != STIFF) return done;
@@ -81,9 +85,11 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
     for (int i = 0; i < NL; i++) mass += MASS(t)[i];
     const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
     // Kinetic and spring energy without a gain.
-    const double expected = before.kinetic_and_springs + work - (after.potential - before.potential), gain = after.kinetic_and_springs - expected;
+    const double expected = before.kinetic_and_springs + work - (after.potential - before.potential),
+                 gain = after.kinetic_and_springs - expected;
     const double scale = before.kinetic_and_springs > expected ? before.kinetic_and_springs : expected;
-    double allowed = (NP > 0 && NC > 0 && scene[3] != 0 || FOLDS ? GAIN_TOLERANCE : GAIN_TOLERANCE_FREE) * scale + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen;
+    double allowed = (NP > 0 && NC > 0 && scene[3] != 0 || FOLDS ? GAIN_TOLERANCE : GAIN_TOLERANCE_FREE) * scale
+                     + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen;
     const double over = gain <= allowed ? 0 : gain - allowed;
     w.velocity_factor = over < after.kinetic && over < scale ? (real)sqrt(1 - over / after.kinetic) : over == 0;
     int times = 1;
@@ -94,7 +100,8 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
 // Steps the tree, which holds `state`, with more substeps while the frame gains energy. Returns 0, LOST, or 1 + the DoF
 // where the mass matrix is not positive definite.
 template <class K>
-BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, const K& keeper) {
+BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives,
+              double* forces, const K& keeper) {
     bool may_gain_energy = false, terrain = false;
     ask(w, state, tau, scene, drives);
     for (int finer = 1;;) {
@@ -123,7 +130,8 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
     }
 }
 
-static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; step it on the CPU");
+static_assert(sizeof(Work) + sizeof(Explicit) < 500000,
+              "the robot is too large for a thread of a GPU, which has 512 KiB; step it on the CPU");
 
 // Steps `state` by one frame. Returns 0 or a fault.
 BIG int frame(double* state, const double* tau, const double* scene, const double* drives, double* forces) {

@@ -17,7 +17,8 @@ FN void product(const double* a, const double* b, double* out) {
 FN void own_velocity(const double* state, V3& a, V3& b) {
     const M3 r = matrix(read4(state + 3));
     const double *w = state + NQ, *o = state;
-    const V3 v = v3((real)(w[3] - (o[1] * w[2] - o[2] * w[1])), (real)(w[4] - (o[2] * w[0] - o[0] * w[2])), (real)(w[5] - (o[0] * w[1] - o[1] * w[0])));
+    const V3 v = v3((real)(w[3] - (o[1] * w[2] - o[2] * w[1])), (real)(w[4] - (o[2] * w[0] - o[0] * w[2])),
+                    (real)(w[5] - (o[0] * w[1] - o[1] * w[0])));
     a = back(r, v3((real)w[0], (real)w[1], (real)w[2]));
     b = back(r, v);
 }
@@ -32,8 +33,10 @@ BIG void numbers_back(const double* state, const double* by, double* gradient) {
     V3 a, b;
     own_velocity(state, a, b);
     const M3 r = matrix(read4(state + 3));
-    const V3 by_v = v3((real)by[NQ + 3], (real)by[NQ + 4], (real)by[NQ + 5]), x = v3((real)state[0], (real)state[1], (real)state[2]);
-    const V3 by_a = back(r, v3((real)by[NQ], (real)by[NQ + 1], (real)by[NQ + 2]) + cross(by_v, x)), by_b = back(r, by_v);
+    const V3 by_v = v3((real)by[NQ + 3], (real)by[NQ + 4], (real)by[NQ + 5]),
+             x = v3((real)state[0], (real)state[1], (real)state[2]);
+    const V3 by_a = back(r, v3((real)by[NQ], (real)by[NQ + 1], (real)by[NQ + 2]) + cross(by_v, x)),
+             by_b = back(r, by_v);
     const double n = 1 / sqrt(state[3] * state[3] + state[4] * state[4] + state[5] * state[5] + state[6] * state[6]);
     const double conjugate[4] = {-state[3] * n, -state[4] * n, -state[5] * n, state[6] * n};
     double twist[4];

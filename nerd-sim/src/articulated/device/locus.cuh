@@ -25,7 +25,8 @@ FN V3 on_rim(const real* rim, V3 centre, V3 n, bool own) {
 // Velocity of a point along its rim, as contact.rs's `runs`.
 FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
     const real* rim = RIM + 6 * point;
-    const V3 axis = t.rotation[POINT_LINK[point]] * read3(rim), axis_rate = cross(spin, axis), slope = n - axis * dot(axis, n);
+    const V3 axis = t.rotation[POINT_LINK[point]] * read3(rim), axis_rate = cross(spin, axis),
+             slope = n - axis * dot(axis, n);
     const real steep = norm(slope), turns = time * norm(spin);
     if (!(steep > (real)1e-9)) return v3(0, 0, 0);
     const V3 up = slope * (1 / steep), slope_rate = axis * -dot(n, axis_rate) - axis_rate * dot(n, axis);

@@ -17,6 +17,7 @@ mod scenes;
 mod shared;
 #[cfg(feature = "cuda")]
 mod solver;
+mod tables;
 mod text;
 
 #[cfg(feature = "cuda")]

@@ -10,18 +10,19 @@ use super::super::energy::{
     FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, MAX_REFINED, MAX_REFINED_TERRAIN,
     WORK_TOLERANCE,
 };
-use super::super::fold::FOLLOWED;
+use super::super::fold::{MAX_FOLD_DAMPING, MAX_FOLD_STIFFNESS};
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED, SIDE_SOLVES};
-use super::super::spin::{FAST_ROOT, ROUND, SPIN_PASSES, SPUN_RK4};
+use super::super::spin::{FAST_ROOT, MAX_ROOT_TURN_RK4, SPIN_PASSES, SPIN_TOLERANCE};
 use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
-use super::super::stiff::{MOST, MOST_RK4, POWERS};
+use super::super::stiff::{MAX_RADIUS, MAX_RADIUS_RK4, POWER_STEPS};
 use super::super::touch::{CREEP, MEAN_THETA};
 use super::super::turning::{MIN_GYRATION, TURN_INERTIA, TURN_STICK_DRAG};
 use super::own::{Own, lifts};
+use super::tables::tables;
 use super::text::{Text, number};
 use crate::prelude::*;
-use crate::system::capsules::{BARREL, Capsule};
+use crate::system::capsules::BARREL;
 use crate::system::motors::{LATEST, WAVES};
 
 /// Constants with their names.
@@ -52,7 +53,7 @@ const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 const MATERIAL: usize = 8;
 pub(super) const COLLIDER: usize = 16 + MATERIAL;
 /// Largest number of factorisation steps that the text writes out one by one.
-const WALKS: usize = 4000;
+const MAX_UNROLLED_STEPS: usize = 4000;
 /// Fault codes above `1 + DoF` (mass matrix not positive definite): a distance is NaN; the state is not finite.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
@@ -134,8 +135,27 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// The functions without a kernel: with `steps` to step frames, otherwise for the code around the steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
-    let stable_pd = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.stable_pd);
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
+    sizes(&mut text, system, config, reach);
+    flags(&mut text, system, reach, steps);
+    constants(&mut text);
+    text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
+    text.0 += KERNELS[0];
+    tables(&mut text, system);
+    reach.own.write(&mut text, system, true);
+    if steps && (reach.servo || reach.own.rigged()) {
+        reach.own.write(&mut text, system, false);
+    }
+    if steps && reach.servo {
+        text.table("double", "TORQUE_LIMIT", (0..robot.joint_count()).map(|i| system.torque_limit(i).min(1e30)));
+    }
+    text.0 += &KERNELS[1..].concat();
+    text
+}
+
+/// Numbers of links, coordinates, substeps and solves.
+fn sizes(text: &mut Text, system: &System, config: &ArticulatedConfig, reach: Reach) {
+    let robot = &system.robot;
     text.define([
         ("NL", robot.links.len()),
         ("NV", robot.nv()),
@@ -162,12 +182,18 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("SIDE_SOLVES", SIDE_SOLVES),
         ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
         ("SPIN_PASSES", SPIN_PASSES),
-        ("POWERS", POWERS),
+        ("POWER_STEPS", POWER_STEPS),
     ]);
+}
+
+/// Features, each 0 or 1.
+fn flags(text: &mut Text, system: &System, reach: Reach, steps: bool) {
+    let robot = &system.robot;
+    let stable_pd = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.stable_pd);
     let flags = [
         // Code around the steps may use loops, which compile in a fraction of the time. A stable PD law runs in every
         // frame and is unrolled.
-        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || stable_pd || !whips(system))),
+        ("UNROLLED", walks(robot) <= MAX_UNROLLED_STEPS && !deep(system) && (steps || stable_pd || !whips(system))),
         ("MATRIX", !steps && stable_pd),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
@@ -186,30 +212,18 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
+}
+
+/// Constants of the solver, and fault codes.
+fn constants(text: &mut Text) {
     let constants = named! {
-        SETTLED, CREEP, MOST_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG, TURN_INERTIA, MIN_GYRATION,
-        MAX_SPRING_DAMPING, OFF, FAR_OFF, MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN,
-        FAST_TURN_RK4, FAST_ROOT, ROUND, SPUN_RK4, BARREL
+        SETTLED, CREEP, MAX_RADIUS, MAX_RADIUS_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG,
+        TURN_INERTIA, MIN_GYRATION, MAX_SPRING_DAMPING, MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING, OFF, FAR_OFF,
+        MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN, FAST_TURN_RK4,
+        FAST_ROOT, SPIN_TOLERANCE, MAX_ROOT_TURN_RK4, BARREL
     };
-    let reals =
-        constants.into_iter().chain([("MOST_DAMPED", MOST), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])]);
-    text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
+    text.define(constants.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
-    text.define([("ROOT_DAMPING", number(robot.free.damping)), ("FRAME", format!("{:e}", system.frame_time))]);
-    text.0 += KERNELS[0];
-    links(&mut text, system);
-    joints(&mut text, robot);
-    points(&mut text, robot);
-    folds(&mut text, system);
-    reach.own.write(&mut text, system, true);
-    if steps && (reach.servo || reach.own.rigged()) {
-        reach.own.write(&mut text, system, false);
-    }
-    if steps && reach.servo {
-        text.table("double", "TORQUE_LIMIT", (0..robot.joint_count()).map(|i| system.torque_limit(i).min(1e30)));
-    }
-    text.0 += &KERNELS[1..].concat();
-    text
 }
 
 /// Whether implicit steps watch for chains that whip.
@@ -220,7 +234,7 @@ pub(super) fn whips(system: &System) -> bool {
 /// Whether implicit steps solve along the tree, as on the CPU. A robot that is no chain, with a factorisation short
 /// enough to write out, uses the matrix: that is faster for a G1.
 fn deep(system: &System) -> bool {
-    whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
+    whips(system) && (chained(&system.robot) || walks(&system.robot) > MAX_UNROLLED_STEPS)
 }
 
 /// Cost of factorising the mass matrix: the sum over DoFs of the squared number of DoFs from each one to the root.
@@ -230,82 +244,6 @@ fn walks(robot: &Robot) -> usize {
         depths.push(1 + above.map_or(0, |k| depths[k]));
     }
     depths.iter().map(|d| d * d).sum()
-}
-
-fn links(text: &mut Text, system: &System) {
-    let robot = &system.robot;
-    let (dofs, first, count) = (robot.dofs(), robot.root_dofs(), robot.links.len());
-    let joint = |i: usize| robot.links[i].joint.as_ref();
-    let mut whole = |name: &str, f: &dyn Fn(usize) -> f64| text.table("int", name, (0..count).map(f));
-    whole("PARENT", &|i| robot.links[i].parent.map_or(-1.0, |p| p as f64));
-    whole("DOF", &|i| dofs[i] as f64);
-    whole("JOINT", &|i| dofs[i].saturating_sub(first) as f64);
-    whole("SLIDES", &|i| f64::from(joint(i).is_some_and(|j| j.kind == JointKind::Prismatic)));
-    whole("MASS_OF", &|i| system.stand_ins.get(i).map_or(i, |o| *o) as f64);
-    text.table("int", "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1.0, |p| p as f64)));
-    let mut reals = |name: &str, f: &dyn Fn(usize) -> Vec<f64>| text.table("real", name, (0..count).flat_map(f));
-    let rows = |m: &Matrix3<f64>| m.transpose().as_slice().to_vec();
-    reals("RATIO", &|i| vec![joint(i).map_or(1.0, |j| j.ratio())]);
-    reals("OFFSET", &|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]);
-    reals("PLACE", &|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec()));
-    reals("AXIS", &|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec()));
-    reals("TURN", &|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect()));
-    let (turned, place) = match robot.base {
-        Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector),
-        Base::Floating => (vec![0.0; 9], Vector3::zeros()),
-    };
-    text.table("real", "BASE", turned);
-    text.table("double", "STAND", place.iter().copied());
-}
-
-fn joints(text: &mut Text, robot: &Robot) {
-    let mut reals = |name: &str, f: fn(&Joint) -> f64| text.table("real", name, robot.joints().map(f));
-    reals("SPRING", |j| j.stiffness);
-    reals("SLACK", |j| j.rest);
-    reals("TOP", |j| j.velocity);
-    let limit = |j: &Joint| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping]);
-    text.table("real", "LIMIT", robot.joints().flat_map(limit));
-    text.table("int", "LIMITED", robot.joints().map(|j| f64::from(j.limit.is_some())));
-    text.table("int", "WRAPS", robot.joints().map(|j| f64::from(j.wraps())));
-}
-
-fn points(text: &mut Text, robot: &Robot) {
-    let points = &robot.contact_points;
-    text.table("int", "POINT_LINK", points.iter().map(|p| p.link as f64));
-    text.table("real", "POINT", points.iter().flat_map(|p| [p.local.x, p.local.y, p.local.z]));
-    text.table("real", "RADIUS", points.iter().map(|p| p.radius));
-    text.table("real", "REACH", points.iter().map(|p| p.reach()));
-    let (mut kinds, mut rims, mut hulls, mut all) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for point in points {
-        let (mut kind, mut rim, first) = (0.0, [0.0; 6], all.len() / 3);
-        match &point.locus {
-            Locus::Fixed => {}
-            Locus::Rim { axis, radius, turn } => {
-                (kind, rim) = (1.0, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()])
-            }
-            Locus::Hull { vertices, .. } => {
-                kind = 2.0;
-                all.extend(vertices.iter().flat_map(|v| [v.x, v.y, v.z]));
-            }
-        }
-        kinds.push(kind);
-        rims.extend(rim);
-        hulls.extend([first as f64, (all.len() / 3) as f64]);
-    }
-    text.table("int", "LOCUS", kinds);
-    text.table("real", "RIM", rims);
-    text.table("int", "HULL", hulls);
-    text.table("real", "VERTEX", all);
-}
-
-fn folds(text: &mut Text, system: &System) {
-    let folds = &system.folds;
-    text.table("int", "FOLD_PARTS", folds.pairs.iter().flatten().map(|part| *part as f64));
-    text.table("int", "FOLD_LINK", folds.links.iter().map(|link| *link as f64));
-    text.table("int", "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as f64, own.end as f64]));
-    text.table("real", "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]));
-    let numbers = |c: &Capsule| [c.middle.as_slice(), c.half.as_slice(), &[c.radius]].concat();
-    text.table("real", "CAPSULE", folds.capsules.iter().flat_map(numbers));
 }
 
 /// Record of a scene: gravity, then kind, geometry and material (combined with the robot's) of each collider. With
@@ -359,8 +297,8 @@ pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, 
     }
     numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
     for point in system.robot.contact_points.iter().filter(|_| reach.paired) {
-        let meetings = scene.colliders.iter().map(|body| system.meeting(point, body).map_or(NEVER, |m| of(&m)));
-        numbers.extend(meetings.chain(std::iter::repeat(NEVER)).take(reach.colliders).flatten());
+        let meetings = scene.colliders.iter().map(|body| system.meeting(point, body).map_or(NO_MEETING, |m| of(&m)));
+        numbers.extend(meetings.chain(std::iter::repeat(NO_MEETING)).take(reach.colliders).flatten());
     }
     numbers.extend(reach.own.numbers(system)?);
     Ok(numbers)
@@ -377,7 +315,7 @@ fn capsule(body: &Collider) -> Option<[f64; 2]> {
 }
 
 /// Material of a point and a collider that never meet.
-const NEVER: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+const NO_MEETING: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 fn of(m: &Material) -> [f64; MATERIAL] {
     [m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin, m.release]

@@ -15,11 +15,13 @@ FN void quarter(unsigned* x, int a, int b, int c, int d) {
 }
 
 // One block of ChaCha8 (Bernstein 2008) with a 64-bit counter and a 64-bit stream.
-FN void chacha8(const unsigned long long key[4], unsigned long long counter, unsigned long long stream, unsigned out[16]) {
-    const unsigned begin[16] = {0x61707865u, 0x3320646eu, 0x79622d32u, 0x6b206574u,
-                                (unsigned)key[0], (unsigned)(key[0] >> 32), (unsigned)key[1], (unsigned)(key[1] >> 32),
-                                (unsigned)key[2], (unsigned)(key[2] >> 32), (unsigned)key[3], (unsigned)(key[3] >> 32),
-                                (unsigned)counter, (unsigned)(counter >> 32), (unsigned)stream, (unsigned)(stream >> 32)};
+FN void chacha8(const unsigned long long key[4], unsigned long long counter, unsigned long long stream,
+                unsigned out[16]) {
+    const unsigned begin[16] = {
+        0x61707865u, 0x3320646eu, 0x79622d32u, 0x6b206574u,
+        (unsigned)key[0], (unsigned)(key[0] >> 32), (unsigned)key[1], (unsigned)(key[1] >> 32),
+        (unsigned)key[2], (unsigned)(key[2] >> 32), (unsigned)key[3], (unsigned)(key[3] >> 32),
+        (unsigned)counter, (unsigned)(counter >> 32), (unsigned)stream, (unsigned)(stream >> 32)};
     for (int k = 0; k < 16; k++) out[k] = begin[k];
     for (int round = 0; round < 4; round++) {
         for (int k = 0; k < 4; k++) quarter(out, k, 4 + k, 8 + k, 12 + k);
@@ -29,4 +31,6 @@ FN void chacha8(const unsigned long long key[4], unsigned long long counter, uns
 }
 
 // In [0, 1), from two words.
-FN double unit(const unsigned* words) { return (double)(((unsigned long long)words[1] << 32 | words[0]) >> 11) * 0x1p-53; }
+FN double unit(const unsigned* words) {
+    return (double)(((unsigned long long)words[1] << 32 | words[0]) >> 11) * 0x1p-53;
+}

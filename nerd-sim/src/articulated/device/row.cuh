@@ -50,7 +50,8 @@ FN void drift_back(Back& b, const real* qd, real time) {
     const V3 phi = read3(qd) * time, turn = read3(b.pose), once = cross(phi, turn), twice = cross(phi, once);
     const real square = dot(phi, phi), angle = sqrt(square);
     // (1 - cos) / phi^2 and (phi - sin) / phi^3.
-    real near = (real)0.5 - square / 24 + square * square / 720, far = (real)1 / 6 - square / 120 + square * square / 5040;
+    real near = (real)0.5 - square / 24 + square * square / 720,
+         far = (real)1 / 6 - square / 120 + square * square / 5040;
     if (square > (real)1e-3) { near = (1 - cos(angle)) / square; far = (angle - sin(angle)) / (square * angle); }
     write3(b.speed, read3(b.speed) + (turn - once * near + twice * far) * time);
     write3(b.speed + 3, read3(b.speed + 3) + read3(b.pose + 3) * time);

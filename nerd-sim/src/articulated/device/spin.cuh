@@ -28,7 +28,9 @@ BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
     for (int k = 0; k < 3; k++) {
         const V3 e = unit(k), own = s.inertia * e;
         // ([w] I)^T = -I [w], [I w]^T = -[I w].
-        a[k] = own + (transposed ? cross(s.inertia * w, e) - s.inertia * cross(w, e) : cross(w, own) - cross(s.inertia * w, e)) * ((real)0.5 * h);
+        a[k] = own
+               + (transposed ? cross(s.inertia * w, e) - s.inertia * cross(w, e)
+                             : cross(w, own) - cross(s.inertia * w, e)) * ((real)0.5 * h);
     }
     const V3 c = cross(a[1], a[2]);
     const real determinant = dot(a[0], c);
@@ -38,14 +40,15 @@ BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
 // Whether `middle` is too far from the mean of the substep's ends; if so `next` is the next Newton iterate.
 FN bool spun(const Spin& s, const real* qd, const real* middle, const real* rate, real h, V3& next) {
     const V3 w = read3(middle), off = read3(qd) + read3(rate) * ((real)0.5 * h) - w;
-    if (!(norm(off) > most(ROUND, sizeof(real) == 8 ? 0 : (real)1e-6) * norm(w))) return false;
+    if (!(norm(off) > most(SPIN_TOLERANCE, sizeof(real) == 8 ? 0 : (real)1e-6) * norm(w))) return false;
     next = w + settle(s, w, h, s.inertia * off, false);
     return true;
 }
 
-// Factor (a power of two) on Runge-Kutta substeps so that a root turns by SPUN_RK4 at most in each; bounded by `most`.
+// Factor (a power of two) on Runge-Kutta substeps so that a root turns by MAX_ROOT_TURN_RK4 at most in each; bounded by
+// `most`.
 FN int turned(real turn, int most) {
     int times = 1;
-    while (turn > SPUN_RK4 * times && 2 * times <= most) times *= 2;
+    while (turn > MAX_ROOT_TURN_RK4 * times && 2 * times <= most) times *= 2;
     return times;
 }

@@ -30,7 +30,8 @@ BIG V3 solve_adjoint(Work& w, Back& b, const Touch& touch, const Law& law, real 
     V3 by_force = at(own, x) + b.held[touch.index], by_torque = own.ang + b.held_torque[touch.index];
     real by_press = 0;
     if (turning) {
-        turn_law(touch, b.quickened[i].ang * h, h, first, again, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
+        turn_law(touch, b.quickened[i].ang * h, h, first, again,
+                 material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
         by_press = dot(turn.by_press, by_torque);
         const V3 by_held = back(turn.by_held, by_torque) * (again ? HELD_FACTOR : 1);
         b.holds_torque[touch.index] = b.holds_torque[touch.index] + by_held;
@@ -65,15 +66,17 @@ BIG V3 solve_adjoint(Work& w, Back& b, const Touch& touch, const Law& law, real 
     b.by_velocity[i] = b.by_velocity[i] + force_at(by_moves, middle);
     b.by_velocity[i].ang = b.by_velocity[i].ang + cross(at(twist, middle), by_bend);
     b.starts[i] = b.starts[i] + force_at(by_velocity, x);
-    const V3 by_place = by_gap + cross(law.force, own.ang) + cross(by_change, b.quickened[i].ang) + cross(by_velocity, b.start[i].ang)
-                        + cross(by_bend, b.acceleration[i].ang) + cross(by_moves, twist.ang);
+    const V3 by_place = by_gap + cross(law.force, own.ang) + cross(by_change, b.quickened[i].ang)
+                        + cross(by_velocity, b.start[i].ang) + cross(by_bend, b.acceleration[i].ang)
+                        + cross(by_moves, twist.ang);
     b.loads[i] = b.loads[i] + force_at(by_place, middle);
     return by_change - by_bend;
 }
 
 // Adjoint of the solves at w.middle, with result `rate` and touches `idle`; `first`: with the drags of the substep's
 // start. b.rate => gradients in b, and b.rate of the solves before.
-BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first, bool again) {
+BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first,
+                       bool again) {
     Tree& t = w.tree;
     velocities(t, w.middle);
     accelerations(t, w.middle, w.gravity, b.acceleration);
@@ -88,14 +91,17 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
     const auto law = [&](Touch& touch, Law& law) {
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
-        contact_law(touch, change, w.weight[touch.index], h, first, again, w.mean_theta, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
+        contact_law(touch, change, w.weight[touch.index], h, first, again, w.mean_theta,
+                    material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
     };
     Law found;
     real low[SIZE], up[SIZE], own[NV];
     entries([&](int k) { low[k] = up[k] = t.mass[k]; });
     for (int k = 0; k < NV; k++) own[k] = 0;
     at_joints(w, [&](const Touch& touch, int n) {
-        if (!idles(n)) own[touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.mean_theta).by_change;
+        if (!idles(n))
+            own[touch.dof] -=
+                h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.mean_theta).by_change;
     });
     for_up<0, NV>([&](auto k) { low[LOWER(k, k)] += own[k]; });
     points(w, [&](Touch& touch, auto link) {
@@ -115,7 +121,8 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
         if (!turns(touch)) return;
         TurnLaw turn;
         V3 s[NV];
-        turn_law(touch, b.quickened[touch.link].ang * h, h, first, again, material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
+        turn_law(touch, b.quickened[touch.link].ang * h, h, first, again,
+                 material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
         spins(t, link, s);
         const V3 press = first ? v3(0, 0, 0) : back(found.by_change, touch.normal) * h;
         upward(last_dof(link), [&](auto i) {
@@ -139,7 +146,8 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
         if (turns(touch)) {
             TurnLaw turn;
             const V3 held_torque = b.held_torque[touch.index];
-            turn_law(touch, b.quickened[touch.link].ang * h, h, first, again, material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
+            turn_law(touch, b.quickened[touch.link].ang * h, h, first, again,
+                     material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
             if (!first) held = held + touch.normal * dot(turn.by_press, held_torque);
             const V3 later = back(turn.by_change, held_torque) * h;
             spins(t, link, a);
@@ -271,10 +279,13 @@ BIG void inv_mass_adjoint(Work& w, Back& b, int number, real h) {
         b.own[DOFS + i] = 1;
         solve(t, b.own);
         // Derivatives of damping and theta w.r.t. w, as Damped::gradients.
-        const real inv_mass = b.own[DOFS + i], k = h * h * SPRING[i], damping_used = w.damping_used[i], z = h * damping_used * inv_mass, e = expm1(-z);
+        const real inv_mass = b.own[DOFS + i], k = h * h * SPRING[i], damping_used = w.damping_used[i],
+                   z = h * damping_used * inv_mass, e = expm1(-z);
         const real by_damping_used = k * inv_mass < MAX_SPRING_DAMPING && damping_used > DAMPING(t)[i] ? k * k / h : 0;
-        const real gradient = z > 1 ? 1 / (z * z) - (1 + e) / (e * e) : 0, by_spring = spring_theta(k * inv_mass) > MEAN_THETA ? (real)0.5 / (inv_mass * inv_mass) : 0;
-        const real by_share = gradient * h * (damping_used + inv_mass * by_damping_used) * h * damping_used + w.damper[i] * h * by_damping_used + by_spring;
+        const real gradient = z > 1 ? 1 / (z * z) - (1 + e) / (e * e) : 0,
+                   by_spring = spring_theta(k * inv_mass) > MEAN_THETA ? (real)0.5 / (inv_mass * inv_mass) : 0;
+        const real by_share = gradient * h * (damping_used + inv_mass * by_damping_used) * h * damping_used
+                              + w.damper[i] * h * by_damping_used + by_spring;
         push_back(t, b, 0, v3(0, 0, 0), 0, by_damping_used * b.damping_used[i] + by_share * b.share[i]);
     }
 }

@@ -77,7 +77,8 @@ FN real height(const double* grid, real scale, const int* node, real u, real v, 
 
 // Signed distance of a place l (axes of the field, from the origin) from a height field => normal.
 FN real over(const Surface& s, V3 l, V3& normal) {
-    const real cell[2] = {(real)s.grid[GRID_CELLS], (real)s.grid[GRID_CELLS + 1]}, at[2] = {l.x, l.y}, z = l.z - s.place.z;
+    const real cell[2] = {(real)s.grid[GRID_CELLS], (real)s.grid[GRID_CELLS + 1]}, at[2] = {l.x, l.y},
+               z = l.z - s.place.z;
     real slope[2];
     const real high = height(s.grid, s.scale, s.cell, s.part[0] + l.x / cell[0], s.part[1] + l.y / cell[1], slope);
     normal = v3(-slope[0], -slope[1], 1);
@@ -86,7 +87,8 @@ FN real over(const Surface& s, V3 l, V3& normal) {
     if (!bounded(s.grid)) return d;
     // Of top, sides and bottom, take the one that the place is farthest outside of.
     for (int k = 0; k < 2; k++) {
-        const real half = (real)0.5 * ((real)s.grid[GRID_NODES + k] - 1), x = (((real)s.cell[k] - half) + s.part[k]) * cell[k] + at[k];
+        const real half = (real)0.5 * ((real)s.grid[GRID_NODES + k] - 1),
+                   x = (((real)s.cell[k] - half) + s.part[k]) * cell[k] + at[k];
         if (size(x) - half * cell[k] > d) {
             d = size(x) - half * cell[k];
             const real way = x < 0 ? -1 : 1;
@@ -114,7 +116,9 @@ FN void read(Surface& u, const double* s, const double* o) {
             u.grid = grid(s);
             u.scale = (real)s[13];
             for (int k = 0; k < 2; k++) {
-                const double n = u.grid[GRID_NODES + k], cells = at[k] / u.grid[GRID_CELLS + k] + (bounded(u.grid) ? 0.5 * (n - 1) : 0), whole = floor(cells);
+                const double n = u.grid[GRID_NODES + k],
+                             cells = at[k] / u.grid[GRID_CELLS + k] + (bounded(u.grid) ? 0.5 * (n - 1) : 0),
+                             whole = floor(cells);
                 // Far beyond an edge, `part` holds the remainder.
                 const double near = fmin(fmax(whole, -1e6), 1e6);
                 u.cell[k] = bounded(u.grid) ? (int)near : around((long long)whole, (int)n);

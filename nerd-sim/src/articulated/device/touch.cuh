@@ -24,7 +24,7 @@ struct Touch {
     V3 spin;              // of a contact: angular velocity of its link
     real torsion, rolling, about, turning;    // coefficients (m); drags about the normal and across it
     real gyration;                            // squared radius of gyration of the link (m^2)
-    V3 turn_offset, turn_offset_start, torque;                // turn without torque, now and at the start; torque (turning.rs)
+    V3 turn_offset, turn_offset_start, torque; // turn without torque, now and at the start; torque (turning.rs)
 #endif
     bool spring, drive, parted;   // a joint's limit or drive; a drive; a contact that would pull and no longer acts
 };
@@ -137,7 +137,8 @@ FN void ask(Work& w, const double*, const double* tau, const double*, const doub
     for (int i = 0; i < DRIVES; i++) {
         const double* d = drives + 5 * i;
         w.drives.target[i] = d[2];
-        w.drives.kp[i] = (real)d[0]; w.drives.kd[i] = (real)d[1]; w.drives.speed[i] = (real)d[3]; w.drives.effort[i] = (real)d[4];
+        w.drives.kp[i] = (real)d[0]; w.drives.kd[i] = (real)d[1]; w.drives.speed[i] = (real)d[3];
+        w.drives.effort[i] = (real)d[4];
     }
 }
 #endif
@@ -208,8 +209,10 @@ FN void add_contact(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     w.may_gain_energy = w.may_gain_energy || (LOCI && LOCUS[point]);
     Touch& t = next(w);
     const auto* m = material(w, point, c);
-    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.start = t.velocity = velocity; t.gap = gap;
-    t.stiffness = part * (real)m[0]; t.damping = t.approach = part * (real)m[1]; t.friction = (real)m[3]; t.release = (real)m[7];
+    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n;
+    t.start = t.velocity = velocity; t.gap = gap;
+    t.stiffness = part * (real)m[0]; t.damping = t.approach = part * (real)m[1];
+    t.friction = (real)m[3]; t.release = (real)m[7];
 #if TURNS
     t.spin = w.tree.velocity[link].ang; t.torsion = (real)m[4]; t.rolling = (real)m[5];
     if (t.torsion > 0 || t.rolling > 0) t.gyration = gyration(w.tree, link);
@@ -250,7 +253,8 @@ FN void near(const Work& w, real h, unsigned* mask) {
         const V3 v = at(t.velocity[link], p);
         const real d = dot(n, p) - plane.offset, way = h * (field ? norm(v) : (real)0.5 * dot(n, v));
         // With room for rounding; `add_contact` decides.
-        if (!(d - steep * (radius + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
+        if (!(d - steep * (radius + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset))))
+            mask[point / WORD] |= 1u << point % WORD;
     });
 }
 
@@ -293,7 +297,8 @@ BIG bool find(Work& w, real h) {
     Tree& tr = w.tree;
     velocities(tr, tr.qd);
     w.touches = 0;
-    for_up<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
+    for_up<0, NJ>(
+        [&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
     unsigned mask[WORDS];
     const bool flat = w.surfaces == 1 && (w.surface[0].kind == 1 || FIELDS && w.surface[0].kind == 4);
     for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
@@ -357,7 +362,9 @@ template <class I> FN void spins(const Tree& t, I link, V3* a) {
 
 // Whether a contact has torsional or rolling friction; torque against an angular velocity.
 FN bool turns(const Touch& t) { return t.torsion > 0 || t.rolling > 0; }
-FN V3 turn_torque(const Touch& t, V3 spin) { return t.normal * ((t.turning - t.about) * dot(t.normal, spin)) - spin * t.turning; }
+FN V3 turn_torque(const Touch& t, V3 spin) {
+    return t.normal * ((t.turning - t.about) * dot(t.normal, spin)) - spin * t.turning;
+}
 #endif
 
 // Calls f(touch, link) for every contact.
@@ -373,7 +380,8 @@ template <class F> FN void points(Work& w, const F& f) {
 
 // Sets the slip offset so that the drag has a force's friction part at zero slip: force => t.slip_offset.
 FN void hold(Touch& t, V3 force) {
-    t.slip_offset = t.friction_damping > 0 ? (force - t.normal * dot(t.normal, force)) * (1 / t.friction_damping) : v3(0, 0, 0);
+    t.slip_offset = t.friction_damping > 0 ? (force - t.normal * dot(t.normal, force)) * (1 / t.friction_damping)
+                                           : v3(0, 0, 0);
 }
 
 // Friction force over slip (N s/m), by Coulomb's law.
@@ -385,7 +393,8 @@ FN real drag(real normal, real speed, real friction_damping, real friction) {
 // The same, at a larger slip where the drag `before` exceeded the cone and `inertia`, as stick.rs's `breaking`.
 FN real breaking(real normal, real speed, real before, real friction_damping, real friction, real inertia) {
     const real over = speed * before - friction * normal;
-    return drag(normal, over > 0 && before > inertia ? speed + BREAKAWAY * over / inertia : speed, friction_damping, friction);
+    return drag(normal, over > 0 && before > inertia ? speed + BREAKAWAY * over / inertia : speed, friction_damping,
+                friction);
 }
 
 #if TURNS

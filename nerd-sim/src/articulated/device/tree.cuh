@@ -87,7 +87,9 @@ FN void twists(const Tree& t, const real* qd, Motion* twist) {
 BIG void velocities(Tree& t, const real* qd) { twists(t, qd, t.velocity); }
 
 // Position of a link's gravity-compensated mass; wrench of a free root's damping against a twist.
-template <class I> FN V3 lifted(const Tree& t, I i) { return t.position[i] + t.rotation[i] * read3(LIFT(t) + 4 * i + 1); }
+template <class I> FN V3 lifted(const Tree& t, I i) {
+    return t.position[i] + t.rotation[i] * read3(LIFT(t) + 4 * i + 1);
+}
 FN Wrench drag(const Tree& t, const Motion& v) {
     const V3 f = at(v, t.position[0]) * (real)ROOT_DAMPING;
     return wrench(v.ang * (real)ROOT_DAMPING + cross(t.position[0], f), f);
@@ -154,7 +156,8 @@ FN Inertia body(const Tree& t, int i) {
     const real x[3] = {c.x, c.y, c.z};
     for (int k = 0; k < 6; k++) {
         const int i = row[k], j = col[k];
-        b.i[k] = a.m[3 * i] * r.m[3 * j] + a.m[3 * i + 1] * r.m[3 * j + 1] + a.m[3 * i + 2] * r.m[3 * j + 2] - m * x[i] * x[j] + (i == j ? s : (real)0);
+        b.i[k] = a.m[3 * i] * r.m[3 * j] + a.m[3 * i + 1] * r.m[3 * j + 1] + a.m[3 * i + 2] * r.m[3 * j + 2]
+                 - m * x[i] * x[j] + (i == j ? s : (real)0);
     }
     return b;
 }

@@ -5,9 +5,9 @@ use crate::{internal::*, system::derive::rounded};
 
 /// Ratio of damping to stiffness (s) if no damping is given: leads, hoses and ropes lose a bend quickly, and an
 /// undamped chain of springs would oscillate with growing amplitude.
-const REST: f64 = 0.01;
+const DAMPING_TIME: f64 = 0.01;
 /// Natural frequency (rad/s) of a gripper's axes: 4 Hz.
-const PULSE: f64 = 8.0 * std::f64::consts::PI;
+const GRIPPER_FREQUENCY: f64 = 8.0 * std::f64::consts::PI;
 
 impl CableSpec {
     /// The chain. Links are named `rod1`, `rod2`, .., joints `bend1`, `sway1`, `twist1`, .., and a gripper's joints
@@ -44,7 +44,7 @@ impl CableSpec {
                     let mut joint = Joint::new(format!("{word}{}", k + 1), JointKind::Continuous, origin, axis);
                     joint.stiffness = if clamped { 2.0 } else { 1.0 } * stiffness / step;
                     joint.damping = match self.damping {
-                        None => joint.stiffness * REST,
+                        None => joint.stiffness * DAMPING_TIME,
                         Some(damping) if self.bending > 0.0 => joint.stiffness * damping / self.bending,
                         Some(damping) => damping / step,
                     };
@@ -98,8 +98,11 @@ impl CableSpec {
 
     /// Armature and stiffness of a gripper axis: large enough that the cable hardly moves it.
     fn drive(&self, slides: bool) -> (f64, f64) {
-        let stiffness =
-            if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
-        (rounded(stiffness / (PULSE * PULSE)), rounded(stiffness))
+        let stiffness = if slides {
+            10.0 * self.mass * GRIPPER_FREQUENCY * GRIPPER_FREQUENCY
+        } else {
+            25.0 * self.mass * GRAVITY * self.length
+        };
+        (rounded(stiffness / (GRIPPER_FREQUENCY * GRIPPER_FREQUENCY)), rounded(stiffness))
     }
 }

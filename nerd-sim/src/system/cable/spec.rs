@@ -5,7 +5,7 @@ use crate::system::derive::{between, listed, plain, rounded};
 use crate::system::spec::{RootSpec, RootStart, StartSpec};
 
 /// Maximum number of rods: a dense mass matrix then takes a gigabyte.
-const MOST: f64 = 3000.0;
+const MAX_RODS: f64 = 3000.0;
 
 /// Support of a cable's first end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
@@ -70,7 +70,7 @@ impl CableSpec {
         within("bending", self.bending, 0.0, 1e9, "N m^2")?;
         within("twisting", self.twisting.unwrap_or(0.0), 0.0, 1e9, "N m^2")?;
         within("damping", self.damping.unwrap_or(0.0), 0.0, 1e9, "N m^2 s")?;
-        within("links", self.links as f64, 1.0, MOST, "")?;
+        within("links", self.links as f64, 1.0, MAX_RODS, "")?;
         self.position().iter().try_for_each(|x| within("position", *x, -1e6, 1e6, "m"))?;
         within("direction's size", Vector3::from(self.direction).norm(), 1e-6, 1e6, "")
     }
@@ -86,20 +86,20 @@ impl CableSpec {
 }
 
 /// Penetration of a resting cable's contacts, as a share of the diameter.
-const GIVE: f64 = 0.01;
+const REST_PENETRATION: f64 = 0.01;
 /// Creep velocity (m/s) of a contact under a tangential force of a fifth of a rod's weight.
 const CREEP: f64 = 1e-3;
 /// Spread (rad) of the far end's direction at starts. Joints are bent independently, unlike a real cable's, and the
 /// energy in their springs is released at once, so the spread is small.
-const SPREAD: f64 = 0.06;
+const END_SPREAD: f64 = 0.06;
 /// Time (s) that a gripper takes to move from one random position to the next.
-const PACE: Range = Range { low: 0.3, high: 1.5 };
+const GRIPPER_MOVE_TIME: Range = Range { low: 0.3, high: 1.5 };
 
 impl CableSpec {
     /// Default specification of a cable's robot.
     pub(crate) fn spec(&self, robot: &Robot) -> Spec {
         let mut spec = plain(robot);
-        let bend = SPREAD * (3.0 / self.links as f64).sqrt();
+        let bend = END_SPREAD * (3.0 / self.links as f64).sqrt();
         for (own, joint) in spec.joints.iter_mut().zip(robot.joints()) {
             let reach = match joint.name.as_str() {
                 "x" | "y" | "z" => Some(0.3 * self.length),
@@ -118,7 +118,7 @@ impl CableSpec {
             own.reset = StartSpec { q: Range { low: near * q.low, high: near * q.high }, ..StartSpec::default() };
         }
         let weight = self.mass / self.links as f64 * GRAVITY;
-        let stiffness = rounded(weight / (GIVE * self.diameter));
+        let stiffness = rounded(weight / (REST_PENETRATION * self.diameter));
         spec.material = Material {
             stiffness,
             damping: rounded((stiffness * weight / GRAVITY).sqrt()),
@@ -138,7 +138,7 @@ impl CableSpec {
             sample: start,
             reset: None,
         });
-        let smooth = (self.support == Support::Gripper).then_some(PACE);
+        let smooth = (self.support == Support::Gripper).then_some(GRIPPER_MOVE_TIME);
         Spec { substeps: 8, data_scene: touches.then(|| "plane".into()), smooth, contacts: listed(robot), ..spec }
     }
 }

@@ -4,9 +4,9 @@ use super::limits::pose;
 use crate::internal::*;
 
 /// Distance (m) to the base below which a contact point, in any pose, counts as mounted on the base.
-const MOUNTED: f64 = 1e-3;
+const MAX_MOUNT_DISTANCE: f64 = 1e-3;
 /// Number of random poses for testing the links on the base, in addition to the first pose.
-const POSES: usize = 16;
+const RANDOM_POSES: usize = 16;
 
 /// Selects the shapes of the base that a robot can touch. Contact points of links joined to the base are removed if
 /// they touch it in some pose: they are mounted there. A base shape that encloses other links at `state` is left out,
@@ -24,7 +24,7 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
         let deep = |p: &&ContactPoint| {
             let middle = point_position(&data, p.link, &p.local);
             robot.links[p.link].parent.is_some()
-                && collider.meets(p, &data, &middle, f64::INFINITY).distance < p.radius - MOUNTED
+                && collider.meets(p, &data, &middle, f64::INFINITY).distance < p.radius - MAX_MOUNT_DISTANCE
         };
         match robot.contact_points.iter().find(deep) {
             Some(p) => notes.push(format!(
@@ -39,12 +39,14 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
     }
     let (mut own, others): (Vec<_>, Vec<_>) =
         std::mem::take(&mut robot.contact_points).into_iter().partition(|p| robot.links[p.link].parent.is_none());
-    for k in 0..=POSES {
+    for k in 0..=RANDOM_POSES {
         if k > 0 {
             kinematics(robot, &pose(robot, k - 1), &mut data);
         }
         let touches = |p: &ContactPoint, place: &Vector3<f64>| {
-            solid.iter().any(|c| c.query(&point_position(&data, p.link, place)).distance < p.radius + MOUNTED)
+            solid
+                .iter()
+                .any(|c| c.query(&point_position(&data, p.link, place)).distance < p.radius + MAX_MOUNT_DISTANCE)
         };
         own.retain_mut(|p| {
             let places = p.places();

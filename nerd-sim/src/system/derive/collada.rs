@@ -7,7 +7,7 @@ use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::Node;
 
 use super::xml::document;
-use crate::system::mesh::file::{DEEPEST, MOST, NODES};
+use crate::system::mesh::file::{MAX_DEPTH, MAX_NODES, MAX_VERTICES};
 
 /// The vertices (m).
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
@@ -49,13 +49,13 @@ impl<'a> File<'a> {
 
     /// Reads a node or scene; `place` is the transform of its parent nodes.
     fn node(&mut self, node: &Node<'a, 'a>, mut place: Matrix4<f64>, depth: usize) -> Result<(), String> {
-        if depth > DEEPEST {
-            return Err(format!("nodes nested more than {DEEPEST} deep"));
+        if depth > MAX_DEPTH {
+            return Err(format!("nodes nested more than {MAX_DEPTH} deep"));
         }
         for child in node.children().filter(Node::is_element) {
             self.seen += 1;
-            if self.seen > NODES {
-                return Err(format!("nodes that show more than {NODES} elements"));
+            if self.seen > MAX_NODES {
+                return Err(format!("nodes that show more than {MAX_NODES} elements"));
             }
             match child.tag_name().name() {
                 "matrix" => place *= Matrix4::from_row_slice(&numbers::<16>(&child)?),
@@ -96,8 +96,8 @@ impl<'a> File<'a> {
             self.found.extend(
                 floats.chunks_exact(stride).map(|p| place.transform_point(&Point3::new(p[0], p[1], p[2])).coords),
             );
-            if self.found.len() > MOST {
-                return Err(format!("more than {MOST} vertices"));
+            if self.found.len() > MAX_VERTICES {
+                return Err(format!("more than {MAX_VERTICES} vertices"));
             }
         }
         Ok(())

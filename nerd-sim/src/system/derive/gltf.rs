@@ -7,7 +7,7 @@ use gltf::{Gltf, Mesh, Node, buffer::Source};
 use nalgebra::{Matrix4, Point3};
 
 use crate::internal::*;
-use crate::system::mesh::file::{DEEPEST, LARGEST, MOST, NODES, bytes_of};
+use crate::system::mesh::file::{MAX_DEPTH, MAX_FILE_SIZE, MAX_NODES, MAX_VERTICES, bytes_of};
 
 /// The vertices (m); buffers are found relative to `path`, the file.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {
@@ -23,7 +23,7 @@ pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, S
     let mut whole = 0;
     let borne = buffers.take_while(|buffer: &Result<Vec<u8>, String>| {
         whole += buffer.as_ref().map_or(0, Vec::len) as u64;
-        whole <= LARGEST
+        whole <= MAX_FILE_SIZE
     });
     let mut file = File { buffers: borne.collect::<Result<_, _>>()?, seen: 0, found: Vec::new() };
     match document.default_scene().or_else(|| document.scenes().next()) {
@@ -42,8 +42,8 @@ struct File {
 impl File {
     fn node(&mut self, node: &Node, place: Matrix4<f64>, depth: usize) -> Result<(), String> {
         self.seen += 1;
-        if depth > DEEPEST || self.seen > NODES {
-            return Err(format!("nodes nested more than {DEEPEST} deep, or more than {NODES} of them"));
+        if depth > MAX_DEPTH || self.seen > MAX_NODES {
+            return Err(format!("nodes nested more than {MAX_DEPTH} deep, or more than {MAX_NODES} of them"));
         }
         let place = place * Matrix4::from(node.transform().matrix()).cast::<f64>();
         node.mesh().map_or(Ok(()), |mesh| self.mesh(&mesh, &place))?;
@@ -54,8 +54,8 @@ impl File {
         for primitive in mesh.primitives() {
             // Check the count before reading: a short file may state any number of vertices.
             let count = primitive.get(&gltf::Semantic::Positions).map_or(0, |accessor| accessor.count());
-            if count > MOST - self.found.len() {
-                return Err(format!("more than {MOST} vertices"));
+            if count > MAX_VERTICES - self.found.len() {
+                return Err(format!("more than {MAX_VERTICES} vertices"));
             }
             let reader = primitive.reader(|buffer| self.buffers.get(buffer.index()).map(Vec::as_slice));
             let missing = || format!("mesh {}: its positions are not in its buffers", mesh.index());

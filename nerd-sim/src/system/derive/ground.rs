@@ -8,11 +8,11 @@ use crate::scene::{SceneSpec, Surfaces, flat, up, world};
 use crate::system::mjcf::Description;
 
 /// Least cosine between the up axis and the normal of a plane that counts as ground.
-const STEEPEST: f64 = 0.1;
+const MIN_UP_COSINE: f64 = 0.1;
 /// Penetration (m) beyond which a robot is lifted out of the solids of its file's world.
-const DEEP: f64 = 1e-3;
+const MAX_PENETRATION: f64 = 1e-3;
 /// Lifting: step as a share of the robot's extent, and maximum number of steps.
-const STEP: (f64, usize) = (0.05, 200);
+const LIFT_STEP: (f64, usize) = (0.05, 200);
 
 /// A plane, and the world axis that leads up from the plane.
 pub(crate) struct Ground {
@@ -39,7 +39,7 @@ impl Ground {
             .filter_map(|scene| scene.clone().try_into::<SceneSpec>().ok())
             .map(|scene| flat(&gravity, &scene.plane))
             .next();
-        let ground = |plane: &Plane| plane.normal.dot(&up) > STEEPEST;
+        let ground = |plane: &Plane| plane.normal.dot(&up) > MIN_UP_COSINE;
         let files = || file.planes().find(ground);
         // No built-in world rises above the plane through the origin at a robot's start.
         let worlds =
@@ -57,7 +57,7 @@ impl Ground {
     /// clears it.
     pub fn lift(&self, robot: &Robot, state: &[f64], [extent, clearance]: [f64; 2]) -> f64 {
         let (mut data, mut state) = (Data::new(robot), state.to_vec());
-        let (step, most) = (STEP.0 * extent, STEP.1);
+        let (step, most) = (LIFT_STEP.0 * extent, LIFT_STEP.1);
         let mut nearest = || {
             kinematics(robot, &state, &mut data);
             let gap = |point: &ContactPoint| self.solids.meets(point, &data, &self.surfaces).distance;
@@ -66,7 +66,7 @@ impl Ground {
             state[self.axis.0] += self.axis.1 * step;
             nearest
         };
-        if self.solids.colliders.is_empty() || nearest()[1] > -DEEP {
+        if self.solids.colliders.is_empty() || nearest()[1] > -MAX_PENETRATION {
             return 0.0;
         }
         (1..=most).find(|_| nearest()[0] >= clearance).map_or(0.0, |k| k as f64 * step)

@@ -3,14 +3,12 @@
 
 use std::f64::consts::PI;
 
-use nerd_core::dynamics::TreeFactor;
-
 use super::plain::{between, listed, plain, rounded};
 use super::{
     base::settle,
     ground::Ground,
     limbs::Limbs,
-    limits::pose,
+    motor::{ROTOR_START_TIME, bare, efforts, rotor, torques},
     spread::enough,
     srdf::{ZERO, pose_of},
     stance::bend,
@@ -20,43 +18,31 @@ use crate::{internal::*, scene::foot, system::mjcf::Description};
 
 /// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight; with a fixed
 /// base, one.
-const GIVE: f64 = 1e-3;
+const REST_PENETRATION: f64 = 1e-3;
 /// Time constant (s) of resolving a penetration, as with MuJoCo's defaults.
-const RELEASE: f64 = 0.04;
+const RELEASE_TIME: f64 = 0.04;
 /// Least range of position targets (rad), as usual in training legged robots.
-const STEP: f64 = 0.25;
+const MIN_TARGET_RANGE: f64 = 0.25;
 /// Creep velocity (m/s) of a contact under a tangential force of a fifth of the weight.
 const CREEP: f64 = 1e-3;
 /// Friction coefficient of rubber and metal on floors.
 const FRICTION: f64 = 0.7;
-/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to holding it against gravity.
-const LIVELY: f64 = 20.0;
-/// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
-const START: f64 = 0.01;
 /// Joint inertia below this fraction of mass x extent^2 counts as zero.
-const BARE: f64 = 1e-10;
+const MIN_INERTIA_SHARE: f64 = 1e-10;
 /// Largest additional height of starts in evaluation, as a share of the robot's extent.
-const HIGHER: f64 = 0.06;
+const MAX_START_HEIGHT: f64 = 0.06;
 /// Largest height of possible ground contacts above the lowest point in the default pose, as a share of the extent.
-const NEAR: f64 = 0.1;
-/// Effort of a motor without data. It carries the robot's weight at this share of a foot's distance from the joint, or
-/// this multiple of the moved mass.
-const BEARS: f64 = 0.75;
-const HOLDS: f64 = 3.0;
-/// Least assumed effort, relative to the robot's largest.
-const LEAST: f64 = 0.05;
+const MAX_CONTACT_HEIGHT: f64 = 0.1;
 /// Ratio of a joint's effort to weight times extent above which the effort is not credible.
-const ABSURD: f64 = 20.0;
+const MAX_EFFORT_RATIO: f64 = 20.0;
 /// Position error (rad) that gives the motor's full effort under a position law.
-const LEAN: f64 = 1.0;
+const FULL_EFFORT_ERROR: f64 = 1.0;
 /// Damping of this law, as a multiple of its stiffness (s).
-const CALMS: f64 = 0.025;
-/// Velocity limit (rad/s, m/s) of a motor without data.
-const SPINS: f64 = 20.0;
+const DAMPING_TIME: f64 = 0.025;
 /// Largest number of contact points that are all kept. More are replaced by a few with the same support.
-const MOST: usize = 24;
+const MAX_KEPT_POINTS: usize = 24;
 /// Largest velocity of starts (rad/s or m/s); half the URDF's velocity limit where that is less.
-const FAST: f64 = 3.0;
+const MAX_START_VELOCITY: f64 = 3.0;
 
 /// Whether a robot walks, rolls or flies and so has a free base. True if it has no joints, or if at zero coordinates
 /// two or more limbs reach lower than everything else. `robot` has a free base.
@@ -75,6 +61,65 @@ pub(crate) fn derived(
     choose: bool,
 ) -> Spec {
     let UrdfRobot { robot, notes, base, .. } = read;
+    let (mut state, pose) = posed(robot, path, file, ground, defaults);
+    let mut data = Data::new(robot);
+    kinematics(robot, &state, &mut data);
+    let touches = !robot.contact_points.is_empty();
+    if touches {
+        *base = settle(robot, std::mem::take(base), &state, notes);
+        if choose {
+            keep(robot, &state, notes);
+        }
+    } else if robot.floating() {
+        notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
+    }
+    let size = Size::new(robot, &data, ground);
+    let Size { low, extent, weight, .. } = size;
+    let floating = robot.floating();
+    notes.push(format!(
+        "derived where no .toml says otherwise: pose {pose}, {} base{}; `inspect --robot` shows all of it",
+        if floating { "free" } else { "fixed" },
+        if file.keys.contains_key("gravity") { "" } else { ", gravity along -z" }
+    ));
+    let [clearance, mut lift] = clearances(robot, &size);
+    let height = ground.height(if low.is_finite() { low } else { 0.0 });
+    if floating {
+        state[..3].copy_from_slice(&ground.place(height));
+        let out = ground.lift(robot, &state, [extent, clearance]);
+        if out > lift {
+            lift = out;
+            notes.push(format!("its pose is inside of what stands in its file: it starts at least {out:.2} m higher"));
+        }
+    }
+    let driven = floating && robot.joint_count() > 0;
+    let joints = joint_specs(robot, &state, &data, &size, &ground.up, driven, notes);
+    let contacts = listed(robot);
+    let mut material =
+        if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
+    material.friction = file.surfaces.usual_friction().unwrap_or(material.friction);
+    Spec {
+        floating,
+        substeps: 8,
+        material,
+        random_plane: (touches && !floating)
+            .then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
+        data_scene: (touches && floating).then(|| "plane".into()),
+        control: driven.then(|| control(file, weight, extent)),
+        root: floating.then(|| root(ground, height, file.quaternion, [extent, lift], touches.then_some(clearance))),
+        joints,
+        contacts,
+        ..plain(robot)
+    }
+}
+
+/// State and description of the default pose: of the files, or zero, on bent legs where that is no pose.
+fn posed(
+    robot: &Robot,
+    path: Option<&Path>,
+    file: &Description,
+    ground: &Ground,
+    defaults: &BTreeMap<String, f64>,
+) -> (Vec<f64>, String) {
     let (mut state, mut pose) = pose_of(robot, path);
     let coords = robot.root_coords();
     if robot.floating() {
@@ -89,61 +134,76 @@ pub(crate) fn derived(
     } else if pose == ZERO && bend(robot, &mut state, &ground.up) {
         pose = "on bent legs, since some joints cannot be at zero".into();
     }
-    let mut data = Data::new(robot);
-    kinematics(robot, &state, &mut data);
-    let touches = !robot.contact_points.is_empty();
-    if touches {
-        *base = settle(robot, std::mem::take(base), &state, notes);
-        if choose {
-            keep(robot, &state, notes);
-        }
-    } else if robot.floating() {
-        notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
+    (state, pose)
+}
+
+/// Sizes of a robot in its default pose.
+struct Size {
+    /// Height (m) of each contact point along the ground's normal, and the lowest.
+    lows: Vec<f64>,
+    low: f64,
+    /// Largest extent along an axis (m), and weight (N).
+    extent: f64,
+    weight: f64,
+}
+
+impl Size {
+    fn new(robot: &Robot, data: &Data, ground: &Ground) -> Self {
+        let place =
+            |p: &ContactPoint| p.places().into_iter().map(|at| point_position(data, p.link, &at)).collect::<Vec<_>>();
+        let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
+        let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, data, &ground.plane.normal)).collect();
+        let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
+        let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+        let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
+        let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
+        let across =
+            |k: usize| all.iter().fold([f64::INFINITY, -f64::INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
+        let extent = (0..3).map(across).map(|[low, high]| high - low + 2.0 * round).fold(0.0, f64::max);
+        let extent = if extent > 1e-6 { extent } else { 1.0 };
+        Self { lows, low, extent, weight: robot.mass() * GRAVITY }
     }
-    let place =
-        |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
-    let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
-    let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, &data, &ground.plane.normal)).collect();
-    let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
-    let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
-    let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
-    let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
-    let across = |k: usize| all.iter().fold([f64::INFINITY, -f64::INFINITY], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
-    let extent = (0..3).map(across).map(|[low, high]| high - low + 2.0 * round).fold(0.0, f64::max);
-    let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
-    let floating = robot.floating();
-    notes.push(format!(
-        "derived where no .toml says otherwise: pose {pose}, {} base{}; `inspect --robot` shows all of it",
-        if floating { "free" } else { "fixed" },
-        if file.keys.contains_key("gravity") { "" } else { ", gravity along -z" }
-    ));
-    let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
+}
+
+/// Clearance of starts from the ground (m), and how much higher than the default pose they are at least.
+fn clearances(robot: &Robot, Size { lows, low, extent, .. }: &Size) -> [f64; 2] {
+    let beneath = robot.contact_points.iter().zip(lows).filter(|(_, at)| **at < low + MAX_CONTACT_HEIGHT * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
-    let clearance = round + rounded(GIVE * extent);
+    let clearance = round + rounded(REST_PENETRATION * extent);
     // With spheres of several sizes, the centres of smaller ones are nearer to the ground than `clearance`.
-    let middles = robot.contact_points.iter().zip(&lows).map(|(p, at)| at - low + p.radius);
-    let mut lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
-    let height = ground.height(if low.is_finite() { low } else { 0.0 });
-    if floating {
-        state[..3].copy_from_slice(&ground.place(height));
-        let out = ground.lift(robot, &state, [extent, clearance]);
-        if out > lift {
-            lift = out;
-            notes.push(format!("its pose is inside of what stands in its file: it starts at least {out:.2} m higher"));
-        }
-    }
+    let middles = robot.contact_points.iter().zip(lows).map(|(p, at)| at - low + p.radius);
+    let lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
+    [clearance, lift]
+}
+
+/// Position law of a robot that walks or rolls.
+fn control(file: &Description, weight: f64, extent: f64) -> ControlSpec {
     let gain = stiffness(weight, extent, false);
-    let control = ControlSpec {
+    ControlSpec {
         relative: false,
         scale: scale(file),
         clamp: true,
         stable_pd: true,
         servo: true,
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
-    };
-    let driven = floating && robot.joint_count() > 0;
+    }
+}
+
+/// Specifications of the joints. `driven`: with the law and efforts of a robot that walks or rolls.
+fn joint_specs(
+    robot: &Robot,
+    state: &[f64],
+    data: &Data,
+    Size { lows, low, extent, weight }: &Size,
+    up: &Vector3<f64>,
+    driven: bool,
+    notes: &mut Vec<String>,
+) -> Vec<JointSpec> {
+    let (low, extent, weight) = (*low, *extent, *weight);
     let absurd = |joint: &&Joint| {
-        joint.kind != JointKind::Prismatic && joint.effort.is_finite() && joint.effort > ABSURD * weight * extent
+        joint.kind != JointKind::Prismatic
+            && joint.effort.is_finite()
+            && joint.effort > MAX_EFFORT_RATIO * weight * extent
     };
     if let Some(joint) = robot.joints().filter(|_| driven).find(absurd) {
         notes.push(format!(
@@ -153,15 +213,15 @@ pub(crate) fn derived(
             joint.effort / (weight * extent)
         ));
     }
-    let torques = torques(robot, &ground.up);
-    let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
-    let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
+    let torques = torques(robot, up);
+    let efforts = efforts(robot, data, lows, low + MAX_CONTACT_HEIGHT * extent);
+    let joints = robot.joints().zip(&torques).zip(&state[robot.root_coords()..]).zip(efforts);
     let joints = joints.map(|(((joint, torque), q), effort)| {
         joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort))
     });
     let mut joints: Vec<JointSpec> = joints.collect();
     // URDF has no rotor inertia. Only a joint without any other inertia needs it.
-    for (joint, spec) in bare(robot, BARE * robot.mass() * extent * extent)
+    for (joint, spec) in bare(robot, MIN_INERTIA_SHARE * robot.mass() * extent * extent)
         .into_iter()
         .zip(&mut joints)
         .filter_map(|(bare, spec)| Some((bare?, spec)))
@@ -176,27 +236,11 @@ pub(crate) fn derived(
         .join(", ");
     if !guessed.is_empty() {
         notes.push(format!(
-            "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {START} s / velocity (kg m^2 or kg): \
+            "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {ROTOR_START_TIME} s / velocity (kg m^2 or kg): \
              {guessed}; give them yours in a .toml, or fit it (`calibrate --parameters armature:JOINT`)"
         ));
     }
-    let contacts = listed(robot);
-    let mut material =
-        if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
-    material.friction = file.surfaces.usual_friction().unwrap_or(material.friction);
-    Spec {
-        floating,
-        substeps: 8,
-        material,
-        random_plane: (touches && !floating)
-            .then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
-        data_scene: (touches && floating).then(|| "plane".into()),
-        control: driven.then_some(control),
-        root: floating.then(|| root(ground, height, file.quaternion, [extent, lift], touches.then_some(clearance))),
-        joints,
-        contacts,
-        ..plain(robot)
-    }
+    joints
 }
 
 /// Stiffness (N m/rad) that carries the weight (N) on a lever of the robot's extent (m) with an error of 1 rad. For a
@@ -207,7 +251,7 @@ pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
 
 /// Replaces the robot's contact points by a few, if there are many.
 fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
-    if robot.contact_points.len() <= MOST {
+    if robot.contact_points.len() <= MAX_KEPT_POINTS {
         return;
     }
     let (kept, losses) = enough(robot, state);
@@ -224,25 +268,25 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
 }
 
 /// Range (rad) of the position targets of a legged robot for an action of 1: the median over joints of torque limit
-/// over kp in the file, between [`STEP`] and 1; 1 if the file has no gains.
+/// over kp in the file, between [`MIN_TARGET_RANGE`] and 1; 1 if the file has no gains.
 fn scale(file: &Description) -> f64 {
     let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
     let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);
     let mut turns: Vec<f64> = joints.filter_map(|joint| Some(number(joint, "gain")? / number(joint, "kp")?)).collect();
     turns.sort_by(f64::total_cmp);
-    turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(STEP, 1.0)))
+    turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(MIN_TARGET_RANGE, 1.0)))
 }
 
-/// Contact that carries the weight on `points` points at a penetration of [`GIVE`], half critically damped, with little
-/// creep.
+/// Contact that carries the weight on `points` points at a penetration of [`REST_PENETRATION`], half critically damped,
+/// with little creep.
 fn material(weight: f64, extent: f64, points: f64) -> Material {
-    let stiffness = weight / (points * GIVE * extent);
+    let stiffness = weight / (points * REST_PENETRATION * extent);
     Material {
         stiffness: rounded(stiffness),
         damping: rounded((stiffness * weight / GRAVITY / points).sqrt()),
         friction_damping: rounded(0.2 * weight / CREEP),
         friction: FRICTION,
-        release: RELEASE,
+        release: RELEASE_TIME,
         ..Material::default()
     }
 }
@@ -268,7 +312,7 @@ fn root(
             clearance,
         },
         // High enough for joints slightly off their default positions.
-        reset: Some(RootStart { position: above(HIGHER), clearance, ..RootStart::default() }),
+        reset: Some(RootStart { position: above(MAX_START_HEIGHT), clearance, ..RootStart::default() }),
     }
 }
 
@@ -287,7 +331,7 @@ fn joint_spec(
         None if slides => (-extent, extent),
         None => (-PI, PI),
     };
-    let fast = FAST.min(0.5 * joint.velocity);
+    let fast = MAX_START_VELOCITY.min(0.5 * joint.velocity);
     // A standing robot starts near its default pose; an arm anywhere.
     let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
@@ -297,7 +341,7 @@ fn joint_spec(
     };
     let (kp, kd) = match effort {
         // A law too stiff for its motor would switch between the torque limits.
-        Some(effort) if !slides => (effort / LEAN, CALMS * effort / LEAN),
+        Some(effort) if !slides => (effort / FULL_EFFORT_ERROR, DAMPING_TIME * effort / FULL_EFFORT_ERROR),
         _ => (0.6 * gain, 0.006 * gain),
     };
     JointSpec {
@@ -311,90 +355,4 @@ fn joint_spec(
         reset: StartSpec { q: about(near), ..StartSpec::default() },
         ..JointSpec::default()
     }
-}
-
-/// Efforts of the motors by joint (N m or N), estimated where the file has none. `lows` are the heights of contact
-/// points; points below `ground` may carry the robot.
-fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
-    let n = robot.links.len();
-    let over = |link: usize, joint: usize| robot.ancestors(link).any(|k| k == joint);
-    let first = n - robot.joint_count();
-    let effort = |(link, joint): (usize, &Joint)| {
-        if joint.effort.is_finite() {
-            return joint.effort;
-        }
-        let axis = data.rotation[link] * joint.axis().into_inner();
-        let lever = |place: Vector3<f64>| match joint.kind {
-            JointKind::Prismatic => 1.0,
-            _ => axis.cross(&(place - data.origin - data.position[link])).norm(),
-        };
-        let feet = robot.contact_points.iter().zip(lows).filter(|(p, at)| **at < ground && over(p.link, link));
-        let foot = feet.map(|(p, _)| lever(point_position(data, p.link, &p.local))).fold(0.0, f64::max);
-        let own = |k: usize| robot.links[k].inertia.mass * lever(point_position(data, k, &robot.links[k].inertia.com));
-        let own: f64 = (link..n).filter(|k| over(*k, link)).map(own).sum();
-        rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
-    };
-    let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
-    // A joint with an axis through its load carries nothing, but still has a motor.
-    let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
-    all.into_iter()
-        .zip(robot.joints())
-        .map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) })
-        .collect()
-}
-
-/// Inertia of a motor's rotor felt at its joint (kg m^2 or kg). Without an effort in the file, `effort` is used; 0 if
-/// that is missing, too.
-pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
-    let effort = Some(joint.effort).filter(|x| x.is_finite()).or(effort);
-    let velocity = if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { SPINS };
-    effort.map_or(0.0, |effort| rounded(effort * START / velocity))
-}
-
-/// Joints without inertia in some pose, by joint; `least` is the inertia that counts as zero.
-fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
-    let mut bare = vec![None; robot.joint_count()];
-    let Some(mut tree) = TreeFactor::new(robot) else { return bare };
-    let (mut heavier, mut data, dofs) = (robot.clone(), Data::new(robot), robot.root_dofs());
-    for k in 0..8 {
-        kinematics(robot, &pose(robot, k), &mut data);
-        inertias(robot, &mut data);
-        loop {
-            let found = if tree.refill(&heavier, &data, &[], &[]) {
-                tree.spread(&heavier, &data);
-                let inv_masses =
-                    (0..bare.len()).map(|i| (i, tree.inv_mass(&heavier, i + usize::from(robot.floating()))));
-                inv_masses
-                    .filter(|(_, inv_mass)| inv_mass.is_nan() || inv_mass * least >= 1.0)
-                    .max_by(|a, b| a.1.total_cmp(&b.1))
-                    .map(|(i, _)| i)
-            } else {
-                tree.lost().checked_sub(dofs)
-            };
-            // A joint that already has armature fails for another reason.
-            let Some(i) = found.filter(|i| bare[*i].is_none()) else { break };
-            for joint in heavier.joints_mut().skip(i).take(1) {
-                bare[i] = Some(joint.clone());
-                joint.armature = 1.0;
-            }
-        }
-    }
-    bare
-}
-
-/// Amplitudes of random torques, within the joint's effort. Sum of the largest gravity torque over a few poses (fixed
-/// base only) and the torque that accelerates the joint by [`LIVELY`].
-fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
-    let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
-    let mut most = vec![0.0f64; robot.joint_count()];
-    for k in 0..8 {
-        kinematics(robot, &pose(robot, k), &mut data);
-        crba(robot, &mut data);
-        bias(robot, &rest, &(-GRAVITY * up), &mut data);
-        for (i, most) in most.iter_mut().enumerate() {
-            let holds = if robot.floating() { 0.0 } else { data.tau[dofs + i].abs() };
-            *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
-        }
-    }
-    robot.joints().zip(&most).map(|(joint, most)| rounded(*most).min(joint.effort)).collect()
 }

@@ -6,16 +6,16 @@ use super::spread::endless;
 use crate::internal::*;
 
 /// Iterations of the inverse kinematics.
-const TURNS: usize = 200;
+const ITERATIONS: usize = 200;
 /// Shares of the largest distance of a contact point from its joint. Points nearer to the joint than `SHANK` belong to
 /// the shank. Other points count as sole if at most `SOLE` higher than the farthest point.
 const SHANK: f64 = 1.0 / 3.0;
 const SOLE: f64 = 0.05;
 /// Weight of a foot's orientation against its position in units of the leg's reach. It determines the joints that the
 /// position leaves undetermined.
-const LEVEL: f64 = 0.01;
+const ORIENTATION_WEIGHT: f64 = 0.01;
 /// Initial bend of a leg that may be straight (rad or m), toward the middle of its joints' ranges.
-const SEED: f64 = 0.01;
+const INITIAL_BEND: f64 = 0.01;
 
 /// A leg: its links from the hip to the foot.
 pub(super) struct Leg {
@@ -80,18 +80,20 @@ impl Leg {
         };
         if self.links.iter().all(inside) {
             for (link, limit) in self.links.iter().filter_map(|link| Some((*link, limit(*link)?))) {
-                state[at(link)] += (0.5 * (limit.lower + limit.upper) - state[at(link)]).clamp(-SEED, SEED);
+                state[at(link)] +=
+                    (0.5 * (limit.lower + limit.upper) - state[at(link)]).clamp(-INITIAL_BEND, INITIAL_BEND);
             }
         }
         let rows = |way: &Vector3<f64>, level: &Vector3<f64>| {
-            let (way, level) = (way / self.reach, if self.level.is_some() { level * LEVEL } else { Vector3::zeros() });
+            let (way, level) =
+                (way / self.reach, if self.level.is_some() { level * ORIENTATION_WEIGHT } else { Vector3::zeros() });
             Vector6::new(way.x, way.y, way.z, level.x, level.y, level.z)
         };
         let mut seen = |state: &[f64]| {
             kinematics(robot, state, &mut data);
             (self.way(&data), rows(&self.way(&data), &(data.rotation[self.last()] * self.level.unwrap_or_default())))
         };
-        for _ in 0..TURNS {
+        for _ in 0..ITERATIONS {
             let (_, now) = seen(state);
             let (mut square, mut slopes) = (Matrix6::identity() * 1e-7, Vec::new());
             for link in &self.links {

@@ -4,9 +4,9 @@ use crate::{internal::*, scene::foot};
 
 /// Least reach of legs below everything else, as a share of the robot's height. Also the least length of a leg, as
 /// opposed to a toe, as a share of the longest limb.
-const LEG: f64 = 0.2;
+const MIN_LEG_SHARE: f64 = 0.2;
 /// Largest height of a leg's end above the lowest point, as a share of the longest limb.
-const LEVEL: f64 = 0.3;
+const MAX_LEG_END_HEIGHT: f64 = 0.3;
 
 /// Heights are along the up axis (m), by link.
 pub(super) struct Limbs {
@@ -64,7 +64,7 @@ impl Limbs {
             let rest = (0..=body).chain(self.end[body]..n).map(|link| self.own[link]).fold(f64::INFINITY, f64::min);
             self.below[body].iter().filter(|link| self.lowest[**link] < rest - longer).count()
         };
-        legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
+        legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, MIN_LEG_SHARE * height) >= 2)
     }
 
     /// First links of the legs: limbs that reach the ground and branch off in twos or more, from the root or below a
@@ -72,8 +72,10 @@ impl Limbs {
     pub(super) fn hips(&self) -> Vec<usize> {
         let length = |link: usize| self.origin[link] - self.lowest[link];
         let longest = (1..self.own.len()).map(length).fold(0.0, f64::max);
-        let bears =
-            |link: &usize| length(*link) > LEG * longest && self.lowest[*link] < self.lowest[0] + LEVEL * longest;
+        let bears = |link: &usize| {
+            length(*link) > MIN_LEG_SHARE * longest
+                && self.lowest[*link] < self.lowest[0] + MAX_LEG_END_HEIGHT * longest
+        };
         let limbs = |body: usize| self.below[body].iter().copied().filter(bears).collect::<Vec<_>>();
         let mut hips: Vec<Vec<usize>> = vec![Vec::new(); self.own.len()];
         for body in (0..hips.len()).rev() {

@@ -10,10 +10,10 @@ use nerd_core::dynamics::Inverse;
 use crate::prelude::*;
 
 /// Usual and largest `sqrt(stiffness dt^2 / I)`.
-const USUAL: f64 = 0.2;
-const STIFFEST: f64 = 2.0;
+const USUAL_STIFFNESS: f64 = 0.2;
+const MAX_STIFFNESS: f64 = 2.0;
 /// Largest excess of a joint beyond an end under its effort, as a share of its range.
-const GIVE: f64 = 0.04;
+const MAX_EXCESS: f64 = 0.04;
 
 /// Sets stiffness and damping of the limits marked in `missing`, by joint.
 pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
@@ -29,8 +29,8 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
             let effort = if effort.is_finite() { effort } else { 0.0 };
             let range = limit.upper - limit.lower;
             // A joint without a range is locked.
-            let holding = if range > 0.0 { effort / (GIVE * range) } else { f64::INFINITY };
-            limit.stiffness = holding.clamp(of(USUAL), of(STIFFEST));
+            let holding = if range > 0.0 { effort / (MAX_EXCESS * range) } else { f64::INFINITY };
+            limit.stiffness = holding.clamp(of(USUAL_STIFFNESS), of(MAX_STIFFNESS));
             limit.damping = 2.0 * (inertia * limit.stiffness).sqrt();
         }
     }

@@ -10,7 +10,7 @@ use serde_ply::PlyReader;
 
 use super::{collada, gltf};
 use crate::internal::*;
-use crate::system::mesh::file::{MOST, bytes_of};
+use crate::system::mesh::file::{MAX_VERTICES, bytes_of};
 use crate::system::mesh::stl;
 
 /// Vertices of the mesh `file` named by a URDF, in the mesh's own frame (m), scaled along its axes by `scale`.
@@ -67,8 +67,8 @@ fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
     let mut reader = PlyReader::from_reader(bytes).map_err(|e| format!("is no PLY that can be read: {e}"))?;
     while let Some(element) = reader.current_element() {
         let (name, count) = (element.name.clone(), element.count);
-        if count > MOST {
-            return Err(format!("more than {MOST} of `{name}`"));
+        if count > MAX_VERTICES {
+            return Err(format!("more than {MAX_VERTICES} of `{name}`"));
         }
         let wrong = |e: serde_ply::DeserializeError| format!("{name}: {e}");
         if name == "vertex" {

@@ -12,6 +12,7 @@ mod limbs;
 mod limits;
 #[cfg(feature = "meshes")]
 mod meshes;
+mod motor;
 mod plain;
 mod spread;
 mod srdf;
@@ -21,10 +22,11 @@ mod wheel;
 mod xml;
 
 pub(crate) use ground::Ground;
-pub(crate) use guess::{derived, floats, rotor, stiffness};
+pub(crate) use guess::{derived, floats, stiffness};
 pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
 pub(crate) use meshes::vertices;
+pub(crate) use motor::rotor;
 pub(crate) use plain::{between, listed, plain, rounded};
 pub(crate) use touch::touch;
 

@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, UnitVector3};
 use nerd_core::contact::across;
 
 use crate::internal::*;
-use crate::system::mesh::hull::{AROUND, allowance, around, bounds, few};
+use crate::system::mesh::hull::{SUPPORT_DIRECTIONS, allowance, around, bounds, few};
 
 /// Indices of at most `most` points. First come the extreme points toward the corners of the bounding box, lower ones
 /// first. Then follows, repeatedly, the point farthest from all chosen points. So a sole with an ankle on it keeps the
@@ -42,22 +42,22 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
 }
 
 /// Radius of a corner, edge or vertex (m).
-pub(crate) const SHARP: f64 = 1e-5;
+pub(crate) const SHARP_RADIUS: f64 = 1e-5;
 /// Numbers of contact points in a network's input: on a trunk, on a leaf link, on any other link. A leaf link stands on
 /// the lower corners of its box and may fall on its other end.
 const TRUNK: usize = 8;
 const END: usize = 5;
 const OTHER: usize = 2;
 /// Maximum number of points on rims other than wheels that stay round; with more, cylinders become corners.
-const ROLLS: usize = 12;
+const MAX_ROLLING_POINTS: usize = 12;
 /// A hinge with a range above this (rad) counts as endless, not as a hinge of a limb.
-const ENDLESS: f64 = 2.0 * TAU;
+const MAX_LIMB_RANGE: f64 = 2.0 * TAU;
 /// Number of directions for measuring a link's loss of support.
-const LOOKS: usize = 3000;
+const LOSS_DIRECTIONS: usize = 3000;
 
 /// Whether a joint rotates without end, like a wheel.
 pub(crate) fn endless(joint: &Joint) -> bool {
-    joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > ENDLESS)
+    joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > MAX_LIMB_RANGE)
 }
 
 /// At most `most` contact points with the same support as spheres of `radius` (m) about all `places` on a link. Few
@@ -103,7 +103,7 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
     kinematics(robot, state, &mut data);
     let turns = |link: usize| robot.links[link].joint.as_ref().is_some_and(endless);
     let is_rim = |p: &ContactPoint| matches!(p.locus, Locus::Rim { .. });
-    let few_rims = robot.contact_points.iter().filter(|p| is_rim(p) && !turns(p.link)).count() <= ROLLS;
+    let few_rims = robot.contact_points.iter().filter(|p| is_rim(p) && !turns(p.link)).count() <= MAX_ROLLING_POINTS;
     let on = |link: usize| robot.contact_points.iter().filter(move |p| p.link == link);
     let of = |link: usize, surface: Option<usize>| {
         let own: Vec<&ContactPoint> = on(link).filter(|p| p.surface == surface).collect();
@@ -124,19 +124,19 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
                     sharp.extend(polygon(&p.local, axis, *radius).filter(|_| *turn == 0.0));
                 }
                 (Locus::Rim { turn, .. }, Some(disc)) if *turn != 0.0 => disc.push(p.clone()),
-                (Locus::Fixed | Locus::Hull { .. }, _) if p.radius <= SHARP => sharp.extend(p.places()),
+                (Locus::Fixed | Locus::Hull { .. }, _) if p.radius <= SHARP_RADIUS => sharp.extend(p.places()),
                 _ => round.push(vec![p.clone()]),
             }
         }
         let places: Vec<_> = own.iter().flat_map(|p| p.places()).collect();
         let off = allowance(&places);
-        let corners = (!sharp.is_empty()).then(|| ContactPoint::hull(link, sharp.clone(), SHARP));
+        let corners = (!sharp.is_empty()).then(|| ContactPoint::hull(link, sharp.clone(), SHARP_RADIUS));
         // The smallest shapes are removed first.
         round.sort_by(|a, b| (a[0].radius + a[0].reach()).total_cmp(&(b[0].radius + b[0].reach())));
         shown(&mut round, &corners, off);
         let (balls, rims): (Vec<_>, Vec<_>) = round.into_iter().flatten().partition(|p| p.locus == Locus::Fixed);
         let vertices = few(&sharp, |n| reach(balls.iter().chain(&rims), n), off);
-        let mut radii: Vec<(f64, Vec<Vector3<f64>>)> = vec![(SHARP, vertices)];
+        let mut radii: Vec<(f64, Vec<Vector3<f64>>)> = vec![(SHARP_RADIUS, vertices)];
         for ball in balls {
             match radii.iter_mut().skip(1).find(|(radius, _)| *radius == ball.radius) {
                 Some((_, places)) => places.push(ball.local),
@@ -152,7 +152,7 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
     let of = |link: usize| {
         let surfaces: BTreeSet<_> = on(link).map(|p| p.surface).collect();
         let kept: Vec<ContactPoint> = surfaces.into_iter().flat_map(|surface| of(link, surface)).collect();
-        let loss = around(LOOKS).map(|n| reach(on(link), &n) - reach(&kept, &n)).fold(0.0, f64::max);
+        let loss = around(LOSS_DIRECTIONS).map(|n| reach(on(link), &n) - reach(&kept, &n)).fold(0.0, f64::max);
         (kept, loss)
     };
     let (kept, losses): (Vec<_>, _) = (0..robot.links.len()).map(of).unzip();
@@ -161,7 +161,7 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
 
 /// Removes, one after the other, shapes that reach at most `off` (m) beyond all others in every direction.
 fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off: f64) {
-    let directions: Vec<Vector3<f64>> = around(AROUND).collect();
+    let directions: Vec<Vector3<f64>> = around(SUPPORT_DIRECTIONS).collect();
     let further = |far: &mut Vec<f64>, disc: &[ContactPoint]| {
         far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)))
     };

@@ -5,12 +5,12 @@ use super::{leg::Leg, limbs::Limbs, limits::pose};
 use crate::internal::*;
 
 /// Height of a hip above its foot, as a share of the leg's largest reach over some poses.
-const REACH: f64 = 0.8;
+const HIP_HEIGHT_SHARE: f64 = 0.8;
 /// As shares of that reach: largest distance of a foot from its target, and largest height difference of standing feet.
-const OFF: f64 = 0.05;
-const UNEVEN: f64 = 0.01;
+const MAX_FOOT_ERROR: f64 = 0.05;
+const MAX_FOOT_HEIGHT_DIFFERENCE: f64 = 0.01;
 /// Number of poses sampled for the reach.
-const POSES: usize = 256;
+const REACH_POSES: usize = 256;
 
 /// Bends the legs of a robot on a free base if a joint cannot be at zero and the feet are not yet below the hips.
 /// Returns whether `state` changed. Nothing changes if a leg cannot place its foot, for instance with one hinge.
@@ -45,7 +45,7 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
             kinematics(robot, &tried, &mut data);
             -up.dot(&leg.way(&data))
         };
-        leg.reach = (0..POSES).map(drop).fold(0.0, f64::max);
+        leg.reach = (0..REACH_POSES).map(drop).fold(0.0, f64::max);
     }
     legs.retain(|leg| leg.reach > 0.0);
     kinematics(robot, state, &mut data);
@@ -67,15 +67,15 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let lows = hips.iter().zip(&ways).map(|(hip, [way, _])| hip + up.dot(way));
     let uneven = lows.clone().fold(f64::MIN, f64::max) - lows.fold(f64::MAX, f64::min);
     let below = |way: &Vector3<f64>, beside: &Vector3<f64>| (way - beside - up * up.dot(way)).norm();
-    if legs
-        .iter()
-        .zip(&ways)
-        .all(|(leg, [way, beside])| below(way, beside) < OFF * leg.reach && uneven < UNEVEN * leg.reach)
-    {
+    if legs.iter().zip(&ways).all(|(leg, [way, beside])| {
+        below(way, beside) < MAX_FOOT_ERROR * leg.reach && uneven < MAX_FOOT_HEIGHT_DIFFERENCE * leg.reach
+    }) {
         return false;
     }
     // All feet stand on one level, the highest that any leg requires.
-    let ground = legs.iter().zip(&hips).map(|(leg, hip)| hip - REACH * leg.reach).fold(f64::MIN, f64::max);
+    let ground = legs.iter().zip(&hips).map(|(leg, hip)| hip - HIP_HEIGHT_SHARE * leg.reach).fold(f64::MIN, f64::max);
     let mut each = legs.iter().zip(hips).zip(ways);
-    each.all(|((leg, hip), [_, beside])| leg.put(robot, state, &(beside + up * (ground - hip)), up) < OFF * leg.reach)
+    each.all(|((leg, hip), [_, beside])| {
+        leg.put(robot, state, &(beside + up * (ground - hip)), up) < MAX_FOOT_ERROR * leg.reach
+    })
 }

@@ -3,7 +3,7 @@
 
 use nerd_core::robot::Hull;
 
-use super::spread::{SHARP, endless, partition};
+use super::spread::{SHARP_RADIUS, endless, partition};
 use super::{vertices, wheel::wheel};
 use crate::internal::*;
 use crate::system::mesh::hull::{corners, hull};
@@ -41,7 +41,7 @@ pub(crate) fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
         let kept = corners(&all);
         let turning = robot.links[link].joint.as_ref().filter(|joint| endless(joint));
         let rolling = turning.and_then(|joint| wheel(link, joint, &kept));
-        let own = rolling.unwrap_or_else(|| partition(link, &kept, &kept, SHARP, points));
+        let own = rolling.unwrap_or_else(|| partition(link, &kept, &kept, SHARP_RADIUS, points));
         robot.contact_points.extend(own.into_iter().map(|point| point.on(surface)));
     }
 }

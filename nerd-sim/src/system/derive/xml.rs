@@ -5,12 +5,12 @@ use roxmltree::Document;
 use crate::files::nested;
 
 /// Maximum nesting of elements: roxmltree recurses.
-const DEEPEST: usize = 256;
+const MAX_DEPTH: usize = 256;
 
 /// Parses `text` as XML.
 pub(super) fn document(text: &str) -> Result<Document<'_>, String> {
-    if nested(text) > DEEPEST {
-        return Err(format!("elements nested more than {DEEPEST} deep"));
+    if nested(text) > MAX_DEPTH {
+        return Err(format!("elements nested more than {MAX_DEPTH} deep"));
     }
     Document::parse(text).map_err(|e| e.to_string())
 }

@@ -2,7 +2,7 @@
 
 use std::io::Cursor;
 
-use super::file::{MOST, bytes_of};
+use super::file::{MAX_VERTICES, bytes_of};
 use crate::internal::*;
 
 /// `[rows, columns]` and heights `[row][column]` of a file in its own unit; a picture's last row comes first.
@@ -18,8 +18,8 @@ fn pixels(bytes: Vec<u8>) -> Result<([usize; 2], Vec<f32>), String> {
     decoder.set_transformations(png::Transformations::normalize_to_color8());
     let mut reader = decoder.read_info().map_err(|e| e.to_string())?;
     let (ncol, nrow) = (reader.info().width as usize, reader.info().height as usize);
-    if nrow.checked_mul(ncol).is_none_or(|n| n > MOST) {
-        return Err(format!("has more than {MOST} pixels"));
+    if nrow.checked_mul(ncol).is_none_or(|n| n > MAX_VERTICES) {
+        return Err(format!("has more than {MAX_VERTICES} pixels"));
     }
     let mut pixels = vec![0; reader.output_buffer_size().ok_or("is too large")?];
     let frame = reader.next_frame(&mut pixels).map_err(|e| e.to_string())?;
@@ -35,7 +35,7 @@ fn own(bytes: &[u8]) -> Result<([usize; 2], Vec<f32>), String> {
     let words: Vec<[u8; 4]> = bytes.chunks(4).map_while(|word| word.try_into().ok()).collect();
     let size = |k: usize| words.get(k).map_or(0, |word| i32::from_le_bytes(*word).max(0) as usize);
     let [nrow, ncol] = [size(0), size(1)];
-    if nrow.checked_mul(ncol).is_none_or(|n| n == 0 || n > MOST || bytes.len() != 8 + 4 * n) {
+    if nrow.checked_mul(ncol).is_none_or(|n| n == 0 || n > MAX_VERTICES || bytes.len() != 8 + 4 * n) {
         return Err(format!("is no height field: {} bytes for {nrow} rows of {ncol}", bytes.len()));
     }
     Ok(([nrow, ncol], words[2..].iter().map(|word| f32::from_le_bytes(*word)).collect()))

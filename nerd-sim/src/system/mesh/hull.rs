@@ -6,15 +6,15 @@ use nalgebra::Vector3;
 use parry3d_f64::{math::Vector as ParryVector, transformation::try_convex_hull};
 
 /// Number of evenly spread directions for comparing support, about four degrees apart, besides the vertices' own.
-pub(crate) const AROUND: usize = 2000;
+pub(crate) const SUPPORT_DIRECTIONS: usize = 2000;
 /// Maximum number of vertices of a hull with their own direction compared, too.
-const CLOSELY: usize = 4000;
+const MAX_OWN_DIRECTIONS: usize = 4000;
 /// Allowance: largest loss of support by dropping vertices, as a length (m) and as a share of the size; the smaller one
 /// counts.
-const OFF: [f64; 2] = [5e-4, 5e-3];
+const MAX_SUPPORT_LOSS: [f64; 2] = [5e-4, 5e-3];
 
 /// Allowed difference of a mesh's reduced hull from its file, as a share of the allowance.
-const FINE: f64 = 0.2;
+const MAX_REDUCTION_SHARE: f64 = 0.2;
 
 /// `count` unit vectors evenly spread over the sphere: a spiral from pole to pole in steps of the golden angle.
 pub(crate) fn around(count: usize) -> impl Iterator<Item = Vector3<f64>> {
@@ -34,7 +34,7 @@ pub(crate) fn bounds(points: &[Vector3<f64>]) -> Option<[Vector3<f64>; 2]> {
 /// Allowed loss of support (m) of a subset of these points.
 pub(crate) fn allowance(points: &[Vector3<f64>]) -> f64 {
     let Some([low, high]) = bounds(points) else { return 0.0 };
-    OFF[0].min(OFF[1] * (high - low).amax())
+    MAX_SUPPORT_LOSS[0].min(MAX_SUPPORT_LOSS[1] * (high - low).amax())
 }
 
 /// A subset of `points` with the support of all points within `off` (m). `others(n)` is the support (m) of other
@@ -42,14 +42,16 @@ pub(crate) fn allowance(points: &[Vector3<f64>]) -> f64 {
 pub(crate) fn few(points: &[Vector3<f64>], others: impl Fn(&Vector3<f64>) -> f64, off: f64) -> Vec<Vector3<f64>> {
     let (places, outward) = hull(points);
     // A vertex's loss is largest in the direction in which it alone is the farthest.
-    let own = outward.into_iter().enumerate().map(|(k, n)| (n, k)).step_by(places.len().div_ceil(CLOSELY).max(1));
-    let asked = farthest(&places, around(AROUND)).chain(own);
+    let own =
+        outward.into_iter().enumerate().map(|(k, n)| (n, k)).step_by(places.len().div_ceil(MAX_OWN_DIRECTIONS).max(1));
+    let asked = farthest(&places, around(SUPPORT_DIRECTIONS)).chain(own);
     cover(&places, asked, others, off).into_iter().map(|k| places[k]).collect()
 }
 
-/// A subset of a mesh's vertices. The support of its hull differs from the mesh's by at most [`FINE`] of the allowance.
+/// A subset of a mesh's vertices. The support of its hull differs from the mesh's by at most
+/// [`MAX_REDUCTION_SHARE`] of the allowance.
 pub(crate) fn corners(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    few(points, |_| f64::NEG_INFINITY, FINE * allowance(points))
+    few(points, |_| f64::NEG_INFINITY, MAX_REDUCTION_SHARE * allowance(points))
 }
 
 /// Pairs each direction with the index of the farthest point along it.

@@ -1,6 +1,6 @@
 //! Reads triangles of mesh files for mass properties: STL, OBJ and MuJoCo's MSH.
 
-use super::file::{MOST, bytes_of};
+use super::file::{MAX_VERTICES, bytes_of};
 use crate::internal::*;
 
 /// Vertices and triangles.
@@ -72,8 +72,8 @@ fn obj(text: &str) -> Result<Triangles, String> {
             }
             _ => {}
         }
-        if faces.len() > MOST || vertices.len() > MOST {
-            return Err(format!("more than {MOST} faces or vertices"));
+        if faces.len() > MAX_VERTICES || vertices.len() > MAX_VERTICES {
+            return Err(format!("more than {MAX_VERTICES} faces or vertices"));
         }
     }
     Ok((vertices, faces))
@@ -82,7 +82,8 @@ fn obj(text: &str) -> Result<Triangles, String> {
 /// MSH: numbers of vertices, normals, texture coordinates and faces, then the data in this order.
 fn msh(bytes: &[u8]) -> Result<Triangles, String> {
     let word = |k: usize| bytes.get(4 * k..4 * k + 4).and_then(|b| b.try_into().ok());
-    let count = |k: usize| word(k).map(i32::from_le_bytes).and_then(|n| usize::try_from(n).ok()).filter(|n| *n <= MOST);
+    let count =
+        |k: usize| word(k).map(i32::from_le_bytes).and_then(|n| usize::try_from(n).ok()).filter(|n| *n <= MAX_VERTICES);
     let [Some(vertices), Some(normals), Some(textures), Some(faces)] = [0, 1, 2, 3].map(count) else {
         return Err("is no MSH that can be read".into());
     };

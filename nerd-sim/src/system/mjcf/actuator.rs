@@ -92,6 +92,11 @@ impl Actuator {
         }
         self.damping = damping[0];
         e.set("delay", &mut self.delay)?;
+        self.apply_law(e)
+    }
+
+    /// Applies the attributes of an actuator's law.
+    fn apply_law(&mut self, e: &Element) -> Result<(), UrdfError> {
         // Each shortcut starts from its kind's law in the class, and drops the laws of other kinds.
         let servos = std::mem::replace(&mut self.servos, self.above.clone());
         match e.tag.as_str() {

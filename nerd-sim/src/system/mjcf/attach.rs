@@ -11,7 +11,7 @@ use crate::files::read_text;
 use crate::internal::*;
 
 /// Maximum nesting of attached models.
-const DEEPEST: usize = 8;
+const MAX_DEPTH: usize = 8;
 
 impl Reader {
     pub fn attach(&mut self, e: &Element, scope: &Scope) -> Result<(), UrdfError> {
@@ -28,8 +28,8 @@ impl Reader {
         })?;
         let file = asset.word("file").ok_or_else(|| asset.refused("it names no file"))?;
         let path = scope.source.folder.join(file);
-        if self.depth == DEEPEST {
-            return Err(e.refused(format!("models attached more than {DEEPEST} deep")));
+        if self.depth == MAX_DEPTH {
+            return Err(e.refused(format!("models attached more than {MAX_DEPTH} deep")));
         }
         let text = read_text(&path).map_err(|error| asset.refused(error))?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();

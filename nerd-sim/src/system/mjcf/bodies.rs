@@ -1,6 +1,6 @@
 //! Reads the bodies of an MJCF with joints, geoms and sites; frames, replicas and attached models are expanded.
 
-use super::compiler::{Compiler, SHORT};
+use super::compiler::{Compiler, MIN_LENGTH};
 use super::element::Element;
 use super::joint::{Joint, Kind};
 use super::model::Body;
@@ -10,7 +10,7 @@ use super::scope::Scope;
 use crate::internal::*;
 
 /// Maximum number of replicas in a file.
-const COPIES: usize = 100_000;
+const MAX_REPLICAS: usize = 100_000;
 
 impl Reader {
     /// Adds the children of an element to the scope's body.
@@ -52,7 +52,7 @@ impl Reader {
             "replicate" => self.replicate(e, scope)?,
             "attach" => self.attach(e, scope)?,
             "camera" => _ = compiler.turn(e)?,
-            "light" if e.array("dir")?.is_some_and(|dir| Vector3::from(dir).norm() < SHORT) => {
+            "light" if e.array("dir")?.is_some_and(|dir| Vector3::from(dir).norm() < MIN_LENGTH) => {
                 return Err(e.refused("dir has no direction"));
             }
             "light" => {}
@@ -117,8 +117,8 @@ impl Reader {
         let count =
             e.whole("count")?.filter(|n| *n > 0).ok_or_else(|| e.refused("count is a number of copies above zero"))?;
         self.copies += count as usize;
-        if self.copies > COPIES {
-            return Err(e.refused(format!("more than {COPIES} copies")));
+        if self.copies > MAX_REPLICAS {
+            return Err(e.refused(format!("more than {MAX_REPLICAS} copies")));
         }
         let digits = (count - 1).to_string().len();
         let angles: [f64; 3] = e.array("euler")?.unwrap_or_default();

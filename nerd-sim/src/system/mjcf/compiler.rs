@@ -8,7 +8,7 @@ use super::element::Element;
 use crate::internal::*;
 
 /// Length below which a vector has no direction.
-pub(super) const SHORT: f64 = 0.999e-6;
+pub(super) const MIN_LENGTH: f64 = 0.999e-6;
 
 #[derive(Clone, Debug)]
 pub(super) struct Compiler {
@@ -107,7 +107,7 @@ impl Compiler {
             return Ok(None);
         };
         let unit =
-            |v: Vector3<f64>| Unit::try_new(v, SHORT).ok_or_else(|| e.refused(format!("{key} has no direction")));
+            |v: Vector3<f64>| Unit::try_new(v, MIN_LENGTH).ok_or_else(|| e.refused(format!("{key} has no direction")));
         let turn = match key {
             "quat" => {
                 let [w, x, y, z] = e.array("quat")?.unwrap_or_default();

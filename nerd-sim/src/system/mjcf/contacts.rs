@@ -161,11 +161,11 @@ fn mixed(a: &Geom, b: &Geom) -> Option<PairLaw> {
 }
 
 fn softness(a: &Geom, b: &Geom) -> Softness {
-    const NONE: f64 = 1e-15;
+    const MIN_SOLMIX: f64 = 1e-15;
     let share = match [a.solmix, b.solmix] {
-        [x, y] if x < NONE && y < NONE => 0.5,
-        [x, _] if x < NONE => 0.0,
-        [_, y] if y < NONE => 1.0,
+        [x, y] if x < MIN_SOLMIX && y < MIN_SOLMIX => 0.5,
+        [x, _] if x < MIN_SOLMIX => 0.0,
+        [_, y] if y < MIN_SOLMIX => 1.0,
         [x, y] => x / (x + y),
     };
     let mix = |x: f64, y: f64| share * x + (1.0 - share) * y;

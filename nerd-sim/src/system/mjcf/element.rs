@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::internal::*;
 
 /// Largest magnitude of a number, except for ends of ranges.
-const LARGEST: f64 = 1e15;
+const MAX_MAGNITUDE: f64 = 1e15;
 
 /// `text` shortened to one line, for errors.
 pub(super) fn brief(text: &str) -> String {
@@ -68,9 +68,13 @@ impl Element {
     /// The numbers of an attribute, with the count checked by the schema; `None` if empty.
     pub fn list(&self, key: &str) -> Result<Option<Vec<f64>>, UrdfError> {
         let numbers = self.text(key).unwrap_or_default().split_whitespace().map(|word| {
-            let number =
-                word.parse::<f64>().ok().filter(|x| x.abs() <= LARGEST || x.is_infinite() && key.ends_with("range"));
-            number.ok_or_else(|| self.refused(format!("{key}: `{}` is not a number up to {LARGEST:e}", brief(word))))
+            let number = word
+                .parse::<f64>()
+                .ok()
+                .filter(|x| x.abs() <= MAX_MAGNITUDE || x.is_infinite() && key.ends_with("range"));
+            number.ok_or_else(|| {
+                self.refused(format!("{key}: `{}` is not a number up to {MAX_MAGNITUDE:e}", brief(word)))
+            })
         });
         Ok(Some(numbers.collect::<Result<Vec<_>, _>>()?).filter(|numbers| !numbers.is_empty()))
     }

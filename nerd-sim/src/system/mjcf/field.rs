@@ -10,7 +10,7 @@ pub(super) type Fields = Vec<(String, Result<Field, String>)>;
 /// `[rows, columns]`, row 0 at the least y, and heights `[row][column]`.
 type Heights = ([usize; 2], Vec<f32>);
 /// Maximum number of heights in a field.
-const MOST: f64 = 1e7;
+const MAX_HEIGHTS: f64 = 1e7;
 
 /// All height fields of a file.
 pub(super) fn fields(root: &Element, scope: &Scope) -> Result<Fields, UrdfError> {
@@ -45,8 +45,8 @@ fn listed(e: &Element) -> Result<Heights, UrdfError> {
         }
     }
     let all = counts[0] * counts[1];
-    if all > MOST {
-        return Err(e.refused(format!("it has {all} heights; {MOST} are the most")));
+    if all > MAX_HEIGHTS {
+        return Err(e.refused(format!("it has {all} heights; {MAX_HEIGHTS} are the most")));
     }
     let [nrow, ncol] = counts.map(|x| x as usize);
     let given = e.list("elevation")?.unwrap_or_else(|| vec![0.0; nrow * ncol]);

@@ -1,6 +1,6 @@
 //! Reads the geoms of an MJCF.
 
-use super::compiler::{Compiler, SHORT, between};
+use super::compiler::{Compiler, MIN_LENGTH, between};
 use super::element::Element;
 use super::placement::Placement;
 use crate::internal::*;
@@ -102,7 +102,7 @@ pub(super) fn sized(
 ) -> Result<(), UrdfError> {
     let long = matches!(kind, Type::Capsule | Type::Cylinder | Type::Box | Type::Ellipsoid);
     let moved = |pose: &Isometry3<f64>| pose.translation.vector != Vector3::zeros();
-    if ends.is_some_and(|(ends, pose)| !long || moved(pose) || 2.0 * between(ends).1 < SHORT) {
+    if ends.is_some_and(|(ends, pose)| !long || moved(pose) || 2.0 * between(ends).1 < MIN_LENGTH) {
         return Err(e.refused(
             "fromto is for capsules, cylinders, boxes and ellipsoids, in place of pos, and its ends are apart",
         ));

@@ -9,8 +9,8 @@ use super::volume::{MassOf, properties};
 use crate::internal::*;
 
 /// Least mass (kg) and inertia (kg m^2) that counts as positive, and least volume (m^3).
-const NOTHING: f64 = 1e-15;
-const EMPTY: f64 = 1e-14;
+const MIN_INERTIAL: f64 = 1e-15;
+const MIN_VOLUME: f64 = 1e-14;
 
 /// Inertias of all bodies in their body frames; zero for static bodies.
 pub(super) fn inertias(tree: &Tree) -> Result<Vec<BodyInertia>, UrdfError> {
@@ -38,7 +38,7 @@ pub(super) fn inertias(tree: &Tree) -> Result<Vec<BodyInertia>, UrdfError> {
 fn carries(model: &Model, all: &[BodyInertia], id: usize) -> bool {
     let own = &all[id];
     let fixed = |k: &usize| model.bodies[*k].parent == id && model.bodies[*k].joints.is_empty();
-    own.mass >= NOTHING && own.inertia.symmetric_eigenvalues().min() >= NOTHING
+    own.mass >= MIN_INERTIAL && own.inertia.symmetric_eigenvalues().min() >= MIN_INERTIAL
         || (id + 1..all.len()).filter(fixed).any(|k| carries(model, all, k))
 }
 
@@ -99,7 +99,7 @@ fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
     }
     let Some((volume, unit)) = moments(geom) else { return Ok(None) };
     // A geom of negligible volume has no mass, even with a `mass` attribute.
-    let mass = geom.mass.filter(|_| volume > EMPTY).unwrap_or(geom.density * volume);
+    let mass = geom.mass.filter(|_| volume > MIN_VOLUME).unwrap_or(geom.density * volume);
     Ok(Some((geom.pose, mass, Matrix3::from_diagonal(&(unit * mass)))))
 }
 

@@ -11,10 +11,10 @@ use crate::files::read_text;
 use crate::internal::*;
 
 /// Maximum nesting of elements, and of included files.
-const DEEPEST: usize = 128;
-const INCLUDES: usize = 16;
+const MAX_DEPTH: usize = 128;
+const MAX_INCLUDE_DEPTH: usize = 16;
 /// Maximum length of the text including included files (bytes).
-const LARGEST: usize = 1 << 26;
+const MAX_TEXT: usize = 1 << 26;
 
 /// Whether a text is MJCF, with `<mujoco>` as first element.
 pub fn is_mjcf(text: &str) -> bool {
@@ -62,11 +62,11 @@ impl Parser<'_> {
             UrdfError::Refused(format!("not an MJCF that can be read: {file}{reason}"))
         };
         self.length += text.len();
-        if self.length > LARGEST {
+        if self.length > MAX_TEXT {
             return Err(wrong("longer than 64 MB with what it includes".into()));
         }
-        if nested(text) > DEEPEST {
-            return Err(wrong(format!("elements nested more than {DEEPEST} deep")));
+        if nested(text) > MAX_DEPTH {
+            return Err(wrong(format!("elements nested more than {MAX_DEPTH} deep")));
         }
         let text = text.trim_start_matches('\u{feff}');
         let parsed = Document::parse(text)
@@ -97,7 +97,7 @@ impl Parser<'_> {
     /// Children of the root of an included file.
     fn included(&mut self, include: &Element, depth: usize) -> Result<Vec<Element>, UrdfError> {
         let name = include.word("file").ok_or_else(|| include.refused("it names no file"))?;
-        if depth == INCLUDES {
+        if depth == MAX_INCLUDE_DEPTH {
             return Err(include.refused("files that include each other"));
         }
         // First relative to the main file, then relative to the including file.

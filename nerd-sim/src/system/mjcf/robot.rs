@@ -3,7 +3,7 @@
 use nalgebra::Unit;
 use nerd_core::robot::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, FreeRoot};
 
-use super::compiler::SHORT;
+use super::compiler::MIN_LENGTH;
 use super::inertia::inertias;
 use super::joint::{Joint, Kind};
 use super::shapes::Shapes;
@@ -11,7 +11,7 @@ use super::tree::Tree;
 use crate::internal::*;
 
 /// Largest ratio of damping to least inertia of a free root (1/s): the initial rate of relative velocity loss.
-const STIFF: f64 = 50.0;
+const MAX_ROOT_DAMPING_RATE: f64 = 50.0;
 
 impl Tree<'_> {
     /// Bodies and joints of the robot.
@@ -27,29 +27,8 @@ impl Tree<'_> {
         let mut soft: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for (id, body) in model.bodies.iter().enumerate().filter(|(id, _)| self.ours(*id)) {
             let above = if id == 0 { None } else { places[body.parent] };
-            let mut on = above.map(|(host, frame)| (host, frame * body.pose));
-            let hinges: Vec<_> =
-                body.joints.iter().zip(&self.joints[id]).filter(|(joint, _)| joint.kind != Kind::Free).collect();
-            for (k, (joint, name)) in hinges.iter().enumerate() {
-                joint.soft.iter().for_each(|key| soft.entry(*key).or_default().push((*name).clone()));
-                let Some((host, pose)) = on else { break };
-                let last = k + 1 == hinges.len();
-                let link = if last { self.links[id].clone() } else { format!("{}.{name}", self.links[id]) };
-                let at = Vector3::from(joint.pos);
-                made.joints.push(self.joint(joint, id, name, [host, made.bodies.len()], pose * Isometry3::from(at))?);
-                made.bodies.push(bare(link));
-                on = Some((made.bodies.len() - 1, Isometry3::from(-at)));
-            }
-            let frame = match (on, hinges.is_empty()) {
-                (Some((_, frame)), false) => frame,
-                (on, _) => {
-                    made.joints.extend(on.map(|(host, pose)| {
-                        BodyJoint::fixed(format!("fixed {}", self.links[id]), [host, made.bodies.len()], pose)
-                    }));
-                    made.bodies.push(bare(self.links[id].clone()));
-                    Isometry3::identity()
-                }
-            };
+            let on = above.map(|(host, frame)| (host, frame * body.pose));
+            let frame = self.chain(id, on, &mut made, &mut soft)?;
             let own = made.bodies.len() - 1;
             places[id] = Some((own, frame));
             let new = &mut made.bodies[own];
@@ -62,18 +41,7 @@ impl Tree<'_> {
                 let seen = std::mem::take(&mut new.collisions);
                 new.visuals = if new.visuals.is_empty() { seen } else { std::mem::take(&mut new.visuals) };
             }
-            for (site, name) in body.sites.iter().filter_map(|site| Some((site, site.name.as_ref()?))) {
-                let mut link = name.clone();
-                while self.links.contains(&link) || made.bodies.iter().any(|body| body.name == link) {
-                    link += " site";
-                }
-                made.joints.push(BodyJoint::fixed(
-                    format!("fixed {link}"),
-                    [own, made.bodies.len()],
-                    frame * site.pose,
-                ));
-                made.bodies.push(bare(link));
-            }
+            self.sites(id, own, &frame, &mut made);
         }
         for (key, names) in soft {
             let others = if names.len() > 1 { format!(" and {} more", names.len() - 1) } else { String::new() };
@@ -82,17 +50,70 @@ impl Tree<'_> {
                 names[0]
             ));
         }
+        self.damped(&inertias, made.free)?;
+        Ok(made)
+    }
+
+    /// Adds a body's links and joints, a chain where it has several joints; `on`: its host, and its pose in the host.
+    /// Returns the body's frame in its last link.
+    fn chain<'a>(
+        &'a self,
+        id: usize,
+        mut on: Option<(usize, Isometry3<f64>)>,
+        made: &mut Bodies,
+        soft: &mut BTreeMap<&'a str, Vec<String>>,
+    ) -> Result<Isometry3<f64>, UrdfError> {
+        let body = &self.model.bodies[id];
+        let hinges: Vec<_> =
+            body.joints.iter().zip(&self.joints[id]).filter(|(joint, _)| joint.kind != Kind::Free).collect();
+        for (k, (joint, name)) in hinges.iter().enumerate() {
+            joint.soft.iter().for_each(|key| soft.entry(*key).or_default().push((*name).clone()));
+            let Some((host, pose)) = on else { break };
+            let last = k + 1 == hinges.len();
+            let link = if last { self.links[id].clone() } else { format!("{}.{name}", self.links[id]) };
+            let at = Vector3::from(joint.pos);
+            made.joints.push(self.joint(joint, id, name, [host, made.bodies.len()], pose * Isometry3::from(at))?);
+            made.bodies.push(bare(link));
+            on = Some((made.bodies.len() - 1, Isometry3::from(-at)));
+        }
+        Ok(match (on, hinges.is_empty()) {
+            (Some((_, frame)), false) => frame,
+            (on, _) => {
+                made.joints.extend(on.map(|(host, pose)| {
+                    BodyJoint::fixed(format!("fixed {}", self.links[id]), [host, made.bodies.len()], pose)
+                }));
+                made.bodies.push(bare(self.links[id].clone()));
+                Isometry3::identity()
+            }
+        })
+    }
+
+    /// Adds a link for each named site of a body, whose frame in the link `own` is `frame`.
+    fn sites(&self, id: usize, own: usize, frame: &Isometry3<f64>, made: &mut Bodies) {
+        let body = &self.model.bodies[id];
+        for (site, name) in body.sites.iter().filter_map(|site| Some((site, site.name.as_ref()?))) {
+            let mut link = name.clone();
+            while self.links.contains(&link) || made.bodies.iter().any(|body| body.name == link) {
+                link += " site";
+            }
+            made.joints.push(BodyJoint::fixed(format!("fixed {link}"), [own, made.bodies.len()], frame * site.pose));
+            made.bodies.push(bare(link));
+        }
+    }
+
+    /// Refuses damping that stops a free root within a step.
+    fn damped(&self, inertias: &[BodyInertia], free: FreeRoot) -> Result<(), UrdfError> {
         let stiff = |id: &usize| {
             let own = &inertias[*id];
-            let least = (own.inertia.symmetric_eigenvalues().min().min(own.mass) + made.free.armature).max(0.0);
-            made.free.damping > STIFF * least
+            let least = (own.inertia.symmetric_eigenvalues().min().min(own.mass) + free.armature).max(0.0);
+            free.damping > MAX_ROOT_DAMPING_RATE * least
         };
         match self.free.filter(stiff) {
-            Some(id) => Err(model.bodies[id].element.refused(format!(
+            Some(id) => Err(self.model.bodies[id].element.refused(format!(
                 "damping {} of its free joint stops it within a step, which is not supported; write a smaller one, or <freejoint/>",
-                made.free.damping
+                free.damping
             ))),
-            None => Ok(made),
+            None => Ok(()),
         }
     }
 
@@ -107,7 +128,8 @@ impl Tree<'_> {
     ) -> Result<BodyJoint, UrdfError> {
         let wrong =
             |reason: &str| self.model.bodies[id].element.refused(format!("joint `{}`: {reason}", name.escape_debug()));
-        let axis = Unit::try_new(Vector3::from(joint.axis), SHORT).ok_or_else(|| wrong("its axis has no direction"))?;
+        let axis =
+            Unit::try_new(Vector3::from(joint.axis), MIN_LENGTH).ok_or_else(|| wrong("its axis has no direction"))?;
         let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
         // The coordinate equals `ref` in the file's pose.
         let back = *axis * -joint.reference;

@@ -4,17 +4,20 @@
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
 
 // Normalises observations (normalizer.rs) into network inputs with row stride `padded`.
-extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n, int width, int padded) {
+extern "C" __global__ void normalize(const double* rows, const double* mean, const double* inverse, float* to, u64 n,
+                                     int width, int padded) {
     const u64 i = INDEX;
-    if (i < n) to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
+    if (i < n)
+        to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
 // Samples actions. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Action i
 // takes the i-th normal number of stream `*stream + later`, drawn in pairs (Box-Muller) of four words each. Values are
 // in units of reward; `units` holds their mean and scale.
-extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, const u64* stream, u64 later,
-                               const double* units, float* means, float* spreads, float* actions, float* neg_log_prob, double* values, float* kept,
-                               int rows, int a, int outputs) {
+extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3,
+                               const u64* stream, u64 later, const double* units, float* means, float* spreads,
+                               float* actions, float* neg_log_prob, double* values, float* kept, int rows, int a,
+                               int outputs) {
     const u64 row = INDEX;
     if (row >= rows) return;
     const u64 key[4] = {key0, key1, key2, key3};
@@ -40,9 +43,11 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
 }
 
 // Writes values to the indices in `which`, or in order; rows with index -1 are skipped.
-extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values, int rows, int a, int outputs) {
+extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values,
+                                 int rows, int a, int outputs) {
     const u64 row = INDEX;
-    if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
+    if (row < rows && (!which || which[row] != 0xffffffffu))
+        values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
 }
 
 // Maps bootstrap rows to indices of `values`: first the `n` states after the last step, then final states of truncated
@@ -58,8 +63,8 @@ extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, i
 
 // Advantages and returns (gae.rs), a thread per environment. An end is 1 (terminated) or 2 (truncated, bootstraps from
 // `cut`).
-extern "C" __global__ void gae(const double* rewards, const unsigned char* ends, const double* values, const double* cut, double* both,
-                               int n, int horizon, double gamma, double gae_lambda) {
+extern "C" __global__ void gae(const double* rewards, const unsigned char* ends, const double* values,
+                               const double* cut, double* both, int n, int horizon, double gamma, double gae_lambda) {
     const u64 env = INDEX;
     if (env >= n) return;
     double advantage = 0;
@@ -74,7 +79,8 @@ extern "C" __global__ void gae(const double* rewards, const unsigned char* ends,
 }
 
 // Column sums over every `parts`-th row, of numbers or of squared distances from `means`.
-extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts, double* partial) {
+extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts,
+                                   double* partial) {
     const u64 i = INDEX, column = i % width;
     if (i >= (u64)parts * width) return;
     double sum = 0;
@@ -95,8 +101,9 @@ extern "C" __global__ void mean(const double* partial, u64 n, int width, int par
 }
 
 // Inputs of the loss: advantage, return and old value, each normalised by its mean and scale.
-extern "C" __global__ void loss_inputs(const double* both, const double* said, u64 n, double mean, double scale, double goal_mean, double goal_scale,
-                                 double said_mean, double said_scale, float* advantages, float* value_targets, float* values) {
+extern "C" __global__ void loss_inputs(const double* both, const double* said, u64 n, double mean, double scale,
+                                       double goal_mean, double goal_scale, double said_mean, double said_scale,
+                                       float* advantages, float* value_targets, float* values) {
     const u64 i = INDEX;
     if (i >= n) return;
     advantages[i] = (float)((both[2 * i] - mean) / scale);

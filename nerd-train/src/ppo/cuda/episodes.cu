@@ -8,8 +8,9 @@ extern "C" __global__ void offer(const float* asked, float* actions, unsigned* c
 }
 
 // Converts results. `reached` is the final observation of a truncated episode, elsewhere the present observation.
-extern "C" __global__ void show(const double* rows, const double* cut, const double* rewards, const unsigned char* ends, float* observations,
-                                float* reached, float* reward, unsigned char* terminated, unsigned char* truncated, int all, int width) {
+extern "C" __global__ void show(const double* rows, const double* cut, const double* rewards, const unsigned char* ends,
+                                float* observations, float* reached, float* reward, unsigned char* terminated,
+                                unsigned char* truncated, int all, int width) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x, env = i / width;
     if (i >= all) return;
     observations[i] = (float)rows[i];

@@ -26,10 +26,12 @@ __device__ double warp_sum(double x) {
 // Loss of each row. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Writes
 // the gradient with respect to these and sums of the terms by block. Stores the present mean and log standard
 // deviation, for the next pass's KL divergence.
-extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* neg_log_prob,
-                                const float* advantages, const float* value_targets, const float* values, float* means, float* spreads, float* d,
-                                float* d_spread, double* partial, int rows, int a, int outputs, float clip_coef, float vf_coef, float bounds_coef,
-                                float ent_coef, float value_clip) {
+extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order,
+                                    const float* actions, const float* neg_log_prob, const float* advantages,
+                                    const float* value_targets, const float* values, float* means, float* spreads,
+                                    float* d, float* d_spread, double* partial, int rows, int a, int outputs,
+                                    float clip_coef, float vf_coef, float bounds_coef, float ent_coef,
+                                    float value_clip) {
     const float half_ln_tau = 0.9189385f, bound = 1.1f, share = 1.0f / rows;
     __shared__ double part[4][6];
     const int row = (int)INDEX;
@@ -43,27 +45,33 @@ extern "C" __global__ void ppo_loss(const float* said, const float* parameter, c
         for (int k = 0; k < a; k++) {
             const float z = (action[k] - mu[k]) * expf(-s[k]);
             now += 0.5f * z * z + s[k] + half_ln_tau;
-            const float ratio = 2.0f * (s[k] - spreads[i * a + k]), far = (mu[k] - means[i * a + k]) * expf(-spreads[i * a + k]);
+            const float ratio = 2.0f * (s[k] - spreads[i * a + k]),
+                        far = (mu[k] - means[i * a + k]) * expf(-spreads[i * a + k]);
             kl += 0.5f * (expf(ratio) + far * far - 1.0f - ratio);
         }
-        const float ratio = expf(neg_log_prob[i] - now), low = 1.0f - clip_coef, high = 1.0f + clip_coef, advantage = advantages[i];
+        const float ratio = expf(neg_log_prob[i] - now), low = 1.0f - clip_coef, high = 1.0f + clip_coef,
+                    advantage = advantages[i];
         const float free = -advantage * ratio, held = -advantage * fminf(fmaxf(ratio, low), high);
         const float by_log = free >= held ? -advantage * ratio : 0.0f;
         terms[0] = fmaxf(free, held);
         terms[5] = !(low <= ratio && ratio <= high);
         terms[4] = kl;
         for (int k = 0; k < a; k++) {
-            const float e = expf(-s[k]), z = (action[k] - mu[k]) * e, beyond = fmaxf(mu[k] - bound, 0.0f) + fminf(mu[k] + bound, 0.0f);
+            const float e = expf(-s[k]), z = (action[k] - mu[k]) * e,
+                        beyond = fmaxf(mu[k] - bound, 0.0f) + fminf(mu[k] + bound, 0.0f);
             terms[2] += (double)(beyond * beyond);
             terms[3] += (double)(s[k] + half_ln_tau + 0.5f);
             d_mu[k] = share * (by_log * z * e + 2.0f * bounds_coef * beyond);
             d_s[k] = share * (by_log * (z * z - 1.0f) - ent_coef);
         }
-        const float most = value_clip > 0.0f ? value_clip : 3.4e38f, moved = v - values[i], value_target = value_targets[i];
+        const float most = value_clip > 0.0f ? value_clip : 3.4e38f, moved = v - values[i],
+                    value_target = value_targets[i];
         const float near = values[i] + fminf(fmaxf(moved, -most), most);
-        const float plain = (v - value_target) * (v - value_target), kept = (near - value_target) * (near - value_target);
+        const float plain = (v - value_target) * (v - value_target),
+                    kept = (near - value_target) * (near - value_target);
         terms[1] = fmaxf(plain, kept);
-        d_mu[a] = share * vf_coef * (plain >= kept ? v - value_target : fabsf(moved) < most ? near - value_target : 0.0f);
+        d_mu[a] = share * vf_coef
+                  * (plain >= kept ? v - value_target : fabsf(moved) < most ? near - value_target : 0.0f);
         for (int k = 0; k < a; k++) {
             means[i * a + k] = mu[k];
             spreads[i * a + k] = s[k];

@@ -16,7 +16,8 @@
 constexpr int RATES = GRIPPER + 3 * RODS;
 constexpr int SCENE = 3 + COLLIDER * NC;
 // Shared memory of the largest kernel (bytes).
-static_assert(8 * (3 * CHAIN + 13 * RODS + 40) + (NC + 1) * sizeof(Surface) < 49152, "so many rods or colliders are too many to be trained on the card; leave --device cuda out");
+static_assert(8 * (3 * CHAIN + 13 * RODS + 40) + (NC + 1) * sizeof(Surface) < 49152,
+              "so many rods or colliders are too many to be trained on the card; leave --device cuda out");
 
 FN V3 seen(const View& v, V3 a) {
     const double y = a.y * v.mirror;
@@ -46,7 +47,8 @@ FN void led(const Rollout& r, const Motions& m, int k, const double* chain, doub
     EACH(one, 1) {
         const double* row = m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * 6;
         const V3 force = seen(r.view, read3(row));
-        const double tau[6] = {force.x, force.y, force.z, row[3] * r.view.mirror + STIFFNESS[3] * r.view.yaw, row[4], row[5] * r.view.mirror};
+        const double tau[6] = {force.x, force.y, force.z,
+                               row[3] * r.view.mirror + STIFFNESS[3] * r.view.yaw, row[4], row[5] * r.view.mirror};
         glide(chain, tau, glided);
     }
     SYNC;
@@ -80,7 +82,8 @@ FN void nodes_back(const double* behind, double* gradient) {
 }
 
 // Tokens of rods. If `touches` is not null, also normals and gaps `[RODS][4]` for the backward pass.
-FN void look(const Rollout& r, const Motions& m, const double* chain, const double* glided, double* ends, float* tokens, double* touches) {
+FN void look(const Rollout& r, const Motions& m, const double* chain, const double* glided, double* ends, float* tokens,
+             double* touches) {
     OF_BLOCK Surface surface[NC + 1];
     const double *scene = m.scenes + (long long)r.motion * SCENE, origin[3] = {0, 0, 0};
     EACH(c, NC) if ((int)scene[3 + COLLIDER * c]) read(surface[c], scene + 3 + COLLIDER * c, origin);
@@ -92,7 +95,8 @@ FN void look(const Rollout& r, const Motions& m, const double* chain, const doub
         V3 normal;
         double gap;
         // NaNs are kept, so that they can be reported.
-        if (touch(surface, surfaces, home() + unseen(r.view, read3(ends + 3 * k) - home()), normal, gap)) gap = infinite() - infinite();
+        if (touch(surface, surfaces, home() + unseen(r.view, read3(ends + 3 * k) - home()), normal, gap))
+            gap = infinite() - infinite();
         normal = seen(r.view, normal);
         const V3 along = read3(chain + GRIPPER + 3 * k), rate = read3(chain + RATES + 3 * k);
         token(tokens + k * LDX, along, rate, read3(ends + 3 * (RODS + k)), normal, gap, seen_ahead);
@@ -141,7 +145,8 @@ FN void said_back(const double* chain, const float* numbers, const double* behin
 FN void points_back(const double* gripper, V3 t, V3 rate, double* gradient) {
     const double sy = sin(gripper[6]), cy = cos(gripper[6]), sp = sin(gripper[7]), cp = cos(gripper[7]);
     const V3 by_yaw = v3(-sy * cp, cy * cp, 0), by_pitch = v3(-cy * sp, -sy * sp, -cp);
-    const V3 yaw_yaw = v3(-cy * cp, -sy * cp, 0), yaw_pitch = v3(sy * sp, -cy * sp, 0), pitch_pitch = v3(-cy * cp, -sy * cp, sp);
+    const V3 yaw_yaw = v3(-cy * cp, -sy * cp, 0), yaw_pitch = v3(sy * sp, -cy * sp, 0),
+             pitch_pitch = v3(-cy * cp, -sy * cp, sp);
     gradient[6] += dot(by_yaw, t) + dot(yaw_yaw * gripper[9] + yaw_pitch * gripper[10], rate);
     gradient[7] += dot(by_pitch, t) + dot(yaw_pitch * gripper[9] + pitch_pitch * gripper[10], rate);
     gradient[9] += dot(by_yaw, rate);
@@ -160,8 +165,8 @@ FN void glide_back(double* gradient) {
 
 // Gradients with respect to the chain before a frame: through outputs, tokens `[RODS][INPUTS]` and the gripper's glide.
 // `ends` holds the chain's nodes, and is overwritten.
-FN void frame_back(const double* chain, const double* glided, const float* numbers, const double* touches, const float* by_tokens,
-                   const double* behind, double* ends, double* gradient) {
+FN void frame_back(const double* chain, const double* glided, const float* numbers, const double* touches,
+                   const float* by_tokens, const double* behind, double* ends, double* gradient) {
     OF_BLOCK double sums[12];
     EACH(k, GRIPPER) gradient[k] = 0;
     EACH(k, RODS) {
@@ -174,7 +179,8 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
         write3(gradient + RATES + 3 * k, by_u + by_raw * (0.5 * FRAME) + v3(row[3], row[4], row[5]) * 0.1);
         const double sharp = tanh(4 * gap / RADIUS), soon = tanh((gap + speed * FRAME) / (0.75 * RADIUS));
         const double by_soon = row[16] * (1 - soon * soon) / (0.75 * RADIUS);
-        const double by_gap = 20.0 * row[12] - row[13] * exp(-size(gap) / RADIUS) / RADIUS + row[14] * (1 - sharp * sharp) * 4 / RADIUS + by_soon;
+        const double by_gap = 20.0 * row[12] - row[13] * exp(-size(gap) / RADIUS) / RADIUS
+                              + row[14] * (1 - sharp * sharp) * 4 / RADIUS + by_soon;
         // Normals are held constant. Beyond reach they are zero, and nothing depends on the gap.
         write3(ends + 3 * k, normal * by_gap);
         write3(ends + 3 * (RODS + k), v3(row[6], row[7], row[8]) * 0.5 + normal * (0.5 * row[15] + by_soon * FRAME));
@@ -200,7 +206,8 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
 }
 
 // Loss of frame k, from 1; adds its gradient to `gradient`. Overwrites `ends` and `true_ends`.
-FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight, double* gradient) {
+FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight,
+               double* gradient) {
     OF_BLOCK double parts[RODS + 1];
     const double q = 2 * SHARE * sqrt((double)k), share = weight / (3 * RODS);
     nodes(after, ends);
@@ -208,7 +215,8 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     EACH(rod, RODS) {
         double part = 0, by;
         for (int i = 0; i < 3; i++) {
-            const int along = GRIPPER + 3 * rod + i, rate = RATES + 3 * rod + i, at = 3 * rod + i, speed = 3 * (RODS + rod) + i;
+            const int along = GRIPPER + 3 * rod + i, rate = RATES + 3 * rod + i, at = 3 * rod + i,
+                      speed = 3 * (RODS + rod) + i;
             part += bent(after[rate] - wanted[rate], BY_RATE * q, share, by);
             gradient[rate] += by;
             part += bent(after[along] - wanted[along], BY_RATE * FRAME * q, share, by);

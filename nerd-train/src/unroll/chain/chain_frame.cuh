@@ -39,7 +39,8 @@ KERNEL unroll_advance(WORLD, double* chains, int k, const float* said) {
 
 // Adds the upstream gradient of `later` later frames to the gradient of frame k's loss. Then observes the state before
 // the frame again.
-KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
+KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weight, double* behinds, double* losses,
+                     float* tokens, double* touches) {
     __shared__ double chain[CHAIN], other[CHAIN], gradient[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
     MOTIONS(blockIdx.x)
     const double* at = chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN;
@@ -56,7 +57,8 @@ KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weigh
     store(gradient, behind, CHAIN);
     load(at, chain, CHAIN);
     led(r, m, k, chain, other);
-    look(r, m, chain, other, ends, tokens + (long long)blockIdx.x * RODS * LDX, touches + (long long)blockIdx.x * 4 * RODS);
+    look(r, m, chain, other, ends, tokens + (long long)blockIdx.x * RODS * LDX,
+         touches + (long long)blockIdx.x * 4 * RODS);
 }
 
 KERNEL unroll_said(const double* chains, int k, const float* said, const double* behinds, float* by_said) {
@@ -67,7 +69,8 @@ KERNEL unroll_said(const double* chains, int k, const float* said, const double*
     said_back(chain, said + row, behind, by_said + row);
 }
 
-KERNEL unroll_back(WORLD, const double* chains, int k, const float* said, const double* touches, const float* by_tokens, double* behinds) {
+KERNEL unroll_back(WORLD, const double* chains, int k, const float* said, const double* touches, const float* by_tokens,
+                   double* behinds) {
     __shared__ double chain[CHAIN], behind[CHAIN], gradient[CHAIN], ends[6 * RODS], glided[GRIPPER];
     MOTIONS(blockIdx.x)
     const long long env = blockIdx.x;
@@ -75,7 +78,8 @@ KERNEL unroll_back(WORLD, const double* chains, int k, const float* said, const 
     load(behinds + env * CHAIN, behind, CHAIN);
     led(r, m, k, chain, glided);
     nodes(chain, ends);
-    frame_back(chain, glided, said + env * RODS * OUTPUTS, touches + env * 4 * RODS, by_tokens + env * RODS * INPUTS, behind, ends, gradient);
+    frame_back(chain, glided, said + env * RODS * OUTPUTS, touches + env * 4 * RODS, by_tokens + env * RODS * INPUTS,
+               behind, ends, gradient);
     store(gradient, behinds + env * CHAIN, CHAIN);
 }
 

@@ -25,7 +25,8 @@ extern "C" __global__ void gelu_forward(const float* x, const float* bias, float
 }
 
 extern "C" __global__ void gelu_backward(const float* x, const float* bias, float4* g, int width, u64 quads) {
-    apply(x, bias, g, width, quads, [](float x, float d) { return d * (phi(x) + x * 0.39894228040143268f * expf(-0.5f * x * x)); });
+    apply(x, bias, g, width, quads,
+          [](float x, float d) { return d * (phi(x) + x * 0.39894228040143268f * expf(-0.5f * x * x)); });
 }
 
 extern "C" __global__ void relu_forward(const float* x, const float* bias, float4* y, int width, u64 quads) {

@@ -41,7 +41,8 @@ __device__ __forceinline__ void add_row(float* r, float k, const float* s) {
 __device__ __forceinline__ void load_qkv(float* s, const float* qkv, u64 base, int column) {
     for (int i = threadIdx.x; i < T * 3 * (GW / 4); i += blockDim.x) {
         int row = i / (3 * GW / 4), c = i % (3 * GW / 4), part = c / (GW / 4), at = c % (GW / 4) * 4;
-        *(float4*)(s + row * RS + part * GW + at) = *(const float4*)(qkv + (base + row) * (3 * E) + part * E + column + at);
+        *(float4*)(s + row * RS + part * GW + at) =
+            *(const float4*)(qkv + (base + row) * (3 * E) + part * E + column + at);
     }
 }
 
@@ -122,7 +123,8 @@ extern "C" __global__ void attention_forward(const float* qkv, float* out, const
 
 // dqkv from qkv and the gradient of the attention's output; the probabilities are computed again.
 // ds_ij = p_ij (g_i . v_j - sum_j p_ij g_i . v_j) / sqrt(D); dq_i = ds_ij k_j; dk_j = ds_ij q_i; dv_j = p_ij g_i.
-extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv, const float2* turns) {
+extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv,
+                                              const float2* turns) {
     extern __shared__ float4 shared[];
     float* s = (float*)shared;
     float* g = s + T * RS;
@@ -190,15 +192,16 @@ extern "C" __global__ void attention_backward(const float* qkv, const float* gra
     __syncthreads();
     for (int k = threadIdx.x; k < T * 3 * (GW / 4); k += blockDim.x) {
         int row = k / (3 * GW / 4), c = k % (3 * GW / 4), part = c / (GW / 4), at = c % (GW / 4) * 4;
-        *(float4*)(dqkv + (base + row) * (3 * E) + part * E + column + at) = *(const float4*)(s + row * RS + part * GW + at);
+        *(float4*)(dqkv + (base + row) * (3 * E) + part * E + column + at) =
+            *(const float4*)(s + row * RS + part * GW + at);
     }
 }
 
 // Attention of one new token per environment over the last B keys and values. Environment r has taken[r] earlier
 // tokens; the new key and value go to slot taken % B of ring [env][B][2 E]. Only the query is rotated, by the distance
 // to each key, so keys are stored unrotated. One warp per row and head, D <= 32; turns [B][D / 2].
-extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out, const float2* turns,
-                                            int rows) {
+extern "C" __global__ void attention_stream(const float* qkv, float* ring, const unsigned* taken, float* out,
+                                            const float2* turns, int rows) {
     const int warp = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
     const int row = warp / H, head = warp % H;
     if (row >= rows) return;

@@ -20,6 +20,8 @@ extern "C" __global__ void gate_backward(const float* x, const float4* dy, float
     const u64 at = first(4 * i, half);
     const float4 a = *(const float4*)(x + at), b = *(const float4*)(x + at + half), d = dy[i];
     auto gradient = [](float a) { return share(a) + a * 0.39894228040143268f * expf(-0.5f * a * a); };
-    *(float4*)(dx + at) = make_float4(d.x * b.x * gradient(a.x), d.y * b.y * gradient(a.y), d.z * b.z * gradient(a.z), d.w * b.w * gradient(a.w));
-    *(float4*)(dx + at + half) = make_float4(d.x * a.x * share(a.x), d.y * a.y * share(a.y), d.z * a.z * share(a.z), d.w * a.w * share(a.w));
+    *(float4*)(dx + at) = make_float4(d.x * b.x * gradient(a.x), d.y * b.y * gradient(a.y), d.z * b.z * gradient(a.z),
+                                      d.w * b.w * gradient(a.w));
+    *(float4*)(dx + at + half) =
+        make_float4(d.x * a.x * share(a.x), d.y * a.y * share(a.y), d.z * a.z * share(a.z), d.w * a.w * share(a.w));
 }

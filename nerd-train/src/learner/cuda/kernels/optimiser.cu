@@ -1,7 +1,8 @@
 // partial[block]: sum of squared gradient entries.
 extern "C" __global__ void square_partial(const float* g, u64 n, float* partial) {
     float sum = 0.0f;
-    for (u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x; i < n; i += (u64)gridDim.x * blockDim.x) sum += g[i] * g[i];
+    for (u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x; i < n; i += (u64)gridDim.x * blockDim.x)
+        sum += g[i] * g[i];
     sum = block_sum(sum);
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
@@ -42,8 +43,8 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
 // Clip, Adam and moving average `a`, for training and PPO, of parameters outside Muon. factors: clip, rate, root of the
 // second correction, blend of the average. `a`, `hidden` and `bad` may be null. After a loss that is not finite, the
 // weights stay as they were.
-extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors, const u64* bad, u64 n,
-                                const unsigned char* hidden, double first, double beta) {
+extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors,
+                                const u64* bad, u64 n, const unsigned char* hidden, double first, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= n || (bad && *bad != ~0ull) || (hidden && hidden[i])) return;
     const float d = g[i] * factors[0];
@@ -64,8 +65,8 @@ __device__ __forceinline__ u64 hidden_at(const int4* table, int k, int i, int co
 }
 
 // Updates the momentum and packs its Nesterov step, [matrix][rows][columns]. Grid (ceil(rows columns / 256), matrices).
-extern "C" __global__ void muon_pack(const float* g, float* m, float* x, const int4* table, const Scalars* s, float beta,
-                                     int rows, int columns) {
+extern "C" __global__ void muon_pack(const float* g, float* m, float* x, const int4* table, const Scalars* s,
+                                     float beta, int rows, int columns) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= rows * columns) return;
     const u64 at = hidden_at(table, blockIdx.y, i, columns);
@@ -96,8 +97,8 @@ extern "C" __global__ void muon_polynomial(const float* gram, float* p, float a,
 }
 
 // w -= lr gain x, and the moving average.
-extern "C" __global__ void muon_apply(float* w, float* a, const float* x, const int4* table, const Scalars* s, float gain,
-                                      int rows, int columns) {
+extern "C" __global__ void muon_apply(float* w, float* a, const float* x, const int4* table, const Scalars* s,
+                                      float gain, int rows, int columns) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= rows * columns || s->bad_step != ~0ull) return;
     const u64 at = hidden_at(table, blockIdx.y, i, columns);

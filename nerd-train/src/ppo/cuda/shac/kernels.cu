@@ -2,8 +2,9 @@
 
 // Per environment, over its steps: weights of rewards, index of a step's bootstrap row (-1 if none; rows as in
 // `reached`), and J. Writes the gradient of -J with respect to the outputs of V' on bootstrap rows.
-extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char* ends, const double* values, const double* units, double* shares,
-                                      int* asked, float* by, double* earned, unsigned* without, int n, int horizon, int slots, int a, int outputs,
+extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char* ends, const double* values,
+                                      const double* units, double* shares, int* asked, float* by, double* earned,
+                                      unsigned* without, int n, int horizon, int slots, int a, int outputs,
                                       double gamma, double scale) {
     const u64 env = INDEX;
     if (env >= n) return;
