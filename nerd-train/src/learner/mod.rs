@@ -149,9 +149,16 @@ impl From<nerd_cuda::DeviceError> for LearnError {
 }
 
 #[cfg(feature = "cuda")]
-impl From<LearnError> for nerd_model::transformer::ForwardError {
+impl From<LearnError> for ForwardError {
     fn from(error: LearnError) -> Self {
         Self { message: error.to_string() }
+    }
+}
+
+#[cfg(feature = "cuda")]
+impl From<LearnError> for StepError {
+    fn from(error: LearnError) -> Self {
+        Self::Solver(error.to_string())
     }
 }
 

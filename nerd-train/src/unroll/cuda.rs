@@ -5,8 +5,7 @@
 //! are recomputed instead of stored. One captured graph holds the whole update. The host draws the starts of rollouts,
 //! and reads back which rollouts may continue.
 
-use nerd_cuda::Arg::{Double, Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay, args};
 use nerd_model::program::Slot;
 
 use nerd_model::chain::INPUTS;
@@ -119,12 +118,11 @@ impl CudaUnrollLearner {
     /// Launches a kernel over all rollouts; its first arguments are rollouts and motions.
     fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
         let Recorded { frames, states, torques, scenes } = &self.motions;
-        let world = [self.rollouts.ptr, states.ptr, torques.ptr, scenes.ptr].map(Ptr);
-        self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
+        self.each(kernel, &[&args![&self.rollouts, states, torques, scenes, *frames], args].concat())
     }
 
     fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.network.device.launch(kernel, (self.network.rows, 1), (self.threads, 1), 0, args)
+        self.network.device.launch_blocks(kernel, self.network.rows, self.threads, args)
     }
 
     /// Computes the gradient of an update, followed by the loss.
@@ -132,29 +130,26 @@ impl CudaUnrollLearner {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
         let weight = 1.0 / (self.config.batch * frames) as f64;
-        let [states, tokens, outputs, upstream, kept] =
-            [self.states.ptr, net.at(Slot(0)), net.predictions().ptr, self.upstream.ptr, self.kept.ptr].map(Ptr);
-        self.along("unroll_begin", &[states, Int(frames)])?;
+        let Self { states, upstream, kept, losses, nears, of_frame, by_tokens, .. } = self;
+        let (tokens, outputs, p) = (net.at(Slot(0)), net.predictions(), of_frame.len);
+        self.along("unroll_begin", &args![states, frames])?;
         net.fold(w)?;
         for k in 0..frames {
-            self.along("unroll_look", &[states, Int(k), tokens])?;
+            self.along("unroll_look", &args![states, k, tokens])?;
             net.predict(w, n)?;
-            self.along("unroll_advance", &[states, Int(k), outputs])?;
+            self.along("unroll_advance", &args![states, k, outputs])?;
         }
-        self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
+        self.along("unroll_end", &args![states, frames, nears])?;
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
-            let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];
-            self.along("unroll_behind", &[&[states, Int(k), Int(later)][..], &rest].concat())?;
+            self.along("unroll_behind", &args![states, k, later, weight, upstream, losses, tokens, kept])?;
             net.forward(w, n)?;
-            self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.targets.ptr)])?;
-            net.backward(w, Some(self.of_frame.ptr), 0..n, Some(self.by_tokens.ptr))?;
-            self.along("unroll_back", &[states, Int(k), outputs, kept, Ptr(self.by_tokens.ptr), upstream])?;
-            let p = self.of_frame.len;
-            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
-            d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
+            self.each("unroll_said", &args![states, k, outputs, upstream, &net.targets])?;
+            net.backward(w, Some(of_frame.ptr), 0..n, Some(by_tokens.ptr))?;
+            self.along("unroll_back", &args![states, k, outputs, kept, by_tokens, upstream])?;
+            d.launch_each("unroll_add", p, 256, &args![of_frame, all, p, usize::from(later == 0)])?;
         }
-        d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
+        d.launch_blocks("unroll_total", 1, 256, &args![losses, n, all.at(p)])
     }
 }
 
@@ -174,8 +169,7 @@ impl Recorded {
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
             let (sent, rows) = (d.upload(part)?, part.len() / width);
-            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * body.width())), Long(rows as u64)];
-            d.launch("unroll_truths", (rows.div_ceil(64), 1), (64, 1), 0, &args)?;
+            d.launch_each("unroll_truths", rows, 64, &args![&sent, truths.at(i * SENT * body.width()), rows])?;
             d.wait()?;
         }
         let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..LED].iter().copied());

@@ -68,7 +68,7 @@ impl Attention {
 
     pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(rotations)])
+        d.launch("attention_forward", grid, threads, self.shared().0, &args![qkv, out, rotations])
     }
 
     /// Gradient of `qkv` from the gradient `gradient` of the output.
@@ -82,13 +82,7 @@ impl Attention {
         rotations: u64,
     ) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
-        d.launch(
-            "attention_backward",
-            grid,
-            threads,
-            self.shared().1,
-            &[Ptr(qkv), Ptr(gradient), Ptr(out), Ptr(rotations)],
-        )
+        d.launch("attention_backward", grid, threads, self.shared().1, &args![qkv, gradient, out, rotations])
     }
 
     /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
@@ -98,8 +92,8 @@ impl Attention {
         rows: usize,
         [qkv, ring, taken, out, rotations]: [u64; 5],
     ) -> Result<(), DeviceError> {
-        let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(rotations), Int(rows)];
-        d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)
+        let args = args![qkv, ring, taken, out, rotations, rows];
+        d.launch_blocks("attention_stream", (rows * self.heads).div_ceil(8), 256, &args)
     }
 
     fn blocks(&self, windows: usize) -> ((usize, usize), (usize, usize)) {

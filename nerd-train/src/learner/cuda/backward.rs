@@ -153,8 +153,8 @@ impl Walk<'_> {
             // The gradient is overwritten in place.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
-            let args = [Ptr(self.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
-            return net.launch_each(activation_kernels(f)[1], quads, &args);
+            let args = args![self.at(from), bias, dy.at, width, quads];
+            return d.launch_each(activation_kernels(f)[1], quads, 256, &args);
         }
         let before = self.slopes[from.0];
         let dx = self.take(from)?;
@@ -162,8 +162,8 @@ impl Walk<'_> {
             Op::Norm => {
                 let earlier = before.map_or(0, |slope| slope.at);
                 let saved = net.saved[i].at(self.first * plan.tokens);
-                let args = [Ptr(dy.at), Ptr(self.at(to)), Ptr(saved), Ptr(earlier), Ptr(dx.at), Int(n)];
-                d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
+                let args = args![dy.at, self.at(to), saved, earlier, dx.at, n];
+                d.launch_blocks("norm_backward", n.div_ceil(8), 256, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
             Op::Attend { .. } => {
@@ -171,13 +171,13 @@ impl Walk<'_> {
                 plan.attention.map_or(Ok(()), back)?;
             }
             Op::Neighbours(apart) => {
-                let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
-                net.launch_each("neighbours_backward", n * width, &args)?;
+                let args = args![dy.at, dx.at, width, apart, n * width];
+                d.launch_each("neighbours_backward", n * width, 256, &args)?;
             }
             Op::Gate => {
                 let quads = n * width / 8;
-                let args = [Ptr(self.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
-                net.launch_each("gate_backward", quads, &args)?;
+                let args = args![self.at(from), dy.at, dx.at, width / 2, quads];
+                d.launch_each("gate_backward", quads, 256, &args)?;
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
         }

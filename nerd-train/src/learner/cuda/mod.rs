@@ -21,8 +21,7 @@ mod resident;
 mod stream;
 mod trainer;
 
-use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event, Lane, Replay, args};
 use nerd_model::program::{Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::Windowed;
 

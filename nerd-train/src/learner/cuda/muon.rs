@@ -78,50 +78,26 @@ impl Group {
         let (r, c, n) = (self.rows, self.columns, self.count);
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;
-        let shape = [Int(r), Int(c)];
         let mut x = (&self.x[0], &self.x[1]);
-        let pack = [
-            Ptr(gradients),
-            Ptr(m),
-            Ptr(x.0.ptr),
-            Ptr(self.table.ptr),
-            Ptr(scalars),
-            Float(MOMENTUM),
-            shape[0],
-            shape[1],
-        ];
-        d.launch_on(self.lane, "muon_pack", grid(r * c), (256, 1), 0, &pack)?;
-        d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &[Ptr(x.0.ptr), Int(r * c)])?;
-        let (wide, square) = (r * c, r * r);
+        let (wide, square, table) = (r * c, r * r, &self.table);
+        let pack = args![gradients, m, x.0, table, scalars, MOMENTUM, r, c];
+        d.launch_on(self.lane, "muon_pack", grid(wide), (256, 1), 0, &pack)?;
+        d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &args![x.0, wide])?;
+        let [gram, polynomial] = [&self.gram, &self.polynomial].map(|of| (of.ptr, r, square));
+        let product =
+            |ops, size, a, b, to| d.products(self.lane, Batch { ops: (ops, Op::Plain), size, count: n }, a, b, to);
         for _ in 0..ITERATIONS {
             // Row-major X [r, c] is column-major X^T: X X^T = (X^T)^T X^T.
-            let gram = Batch { ops: (Op::Transposed, Op::Plain), size: (r, r, c), count: n };
-            d.products(self.lane, gram, (x.0.ptr, c, wide), (x.0.ptr, c, wide), (self.gram.ptr, r, square))?;
-            let squared = Batch { ops: (Op::Plain, Op::Plain), size: (r, r, r), count: n };
-            d.products(
-                self.lane,
-                squared,
-                (self.gram.ptr, r, square),
-                (self.gram.ptr, r, square),
-                (self.polynomial.ptr, r, square),
-            )?;
-            let blend = [Ptr(self.gram.ptr), Ptr(self.polynomial.ptr), Float(a), Float(b), Float(k), Int(r)];
-            d.launch_on(self.lane, "muon_polynomial", grid(r * r), (256, 1), 0, &blend)?;
+            let [own, next] = [x.0, x.1].map(|of| (of.ptr, c, wide));
+            product(Op::Transposed, (r, r, c), own, own, gram)?;
+            product(Op::Plain, (r, r, r), gram, gram, polynomial)?;
+            let blend = args![&self.gram, &self.polynomial, a, b, k, r];
+            d.launch_on(self.lane, "muon_polynomial", grid(square), (256, 1), 0, &blend)?;
             // P is symmetric: (P X)^T = X^T P.
-            let next = Batch { ops: (Op::Plain, Op::Plain), size: (c, r, r), count: n };
-            d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
+            product(Op::Plain, (c, r, r), own, polynomial, next)?;
             x = (x.1, x.0);
         }
-        let apply = [
-            Ptr(weights),
-            Ptr(average),
-            Ptr(x.0.ptr),
-            Ptr(self.table.ptr),
-            Ptr(scalars),
-            Float(self.gain),
-            shape[0],
-            shape[1],
-        ];
-        d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
+        let apply = args![weights, average, x.0, table, scalars, self.gain, r, c];
+        d.launch_on(self.lane, "muon_apply", grid(wide), (256, 1), 0, &apply)
     }
 }

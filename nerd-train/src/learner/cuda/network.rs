@@ -166,21 +166,16 @@ impl Network {
 
     /// Folds the scales of the parameters at `w` into the matrices behind them.
     pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
-        self.each_fold("fold", &[Ptr(w), Ptr(self.folded.ptr), Ptr(self.folds.ptr)])
+        self.each_fold("fold", &args![w, &self.folded, &self.folds])
     }
 
     /// Turns gradients at `g` with respect to folded matrices into gradients of matrices and scales.
     pub(super) fn unfold(&self, w: u64, g: u64) -> Result<(), DeviceError> {
-        self.each_fold("unfold", &[Ptr(w), Ptr(g), Ptr(self.folds.ptr)])
+        self.each_fold("unfold", &args![w, g, &self.folds])
     }
 
     fn each_fold(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        if self.folds.len == 0 { Ok(()) } else { self.device.launch(kernel, (self.folds.len, 1), (128, 1), 0, args) }
-    }
-
-    /// Launches a kernel with `count` threads.
-    pub(super) fn launch_each(&self, kernel: &str, count: usize, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(kernel, (count.div_ceil(256), 1), (256, 1), 0, args)
+        if self.folds.len == 0 { Ok(()) } else { self.device.launch_blocks(kernel, self.folds.len, 128, args) }
     }
 }
 

@@ -84,11 +84,9 @@ impl CudaLearner {
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));
-        let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
-        let from =
-            [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
-        let args = [&from[..], &[windows, per, frames, Ptr(numbers)]].concat();
-        Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &args)?)
+        let (Data { x, y, count, per, shape }, to) = (data, net.at(Slot(0)));
+        let args = args![x, y, to, &net.targets, scalars, seed, *count, *per, shape.frames, numbers];
+        Ok(net.device.launch_blocks("gather", rows, 128, &args)?)
     }
 }
 
@@ -127,7 +125,7 @@ impl Learner for CudaLearner {
             // Every update overwrites the gradients.
             net.loss(rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
-            net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
+            net.device.launch_blocks("add_loss", 1, 1, &args![error, &self.total])?;
         }
         Ok((net.device.download(&self.total)?[0] / (count * tokens * outputs) as f64) as f32)
     }

@@ -12,9 +12,8 @@ mod world;
 
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay};
-use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail, failed};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, Precision, Replay, args};
+use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail};
 use nerd_sim::rig::LATEST;
 use nerd_sim::solver::Fault;
 
@@ -109,20 +108,24 @@ impl CudaEngine {
     }
 
     fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
-        self.net.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
+        self.net.device.launch_each(kernel, entries, THREADS, args)
     }
 
     /// Address of the log standard deviation parameters; 0 if they are outputs.
     fn parameter(&self) -> u64 {
         if self.shape.state_dependent_std { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
     }
-
-    fn said(&self) -> u64 {
-        self.net.predictions().ptr
-    }
 }
 
 /// Steps of an iteration and of a minibatch.
+/// The solver's batch on the device.
+fn on_card(simulation: &mut Simulation) -> Result<&dyn Resident> {
+    match simulation.solver.resident() {
+        Some(resident) => Ok(resident),
+        None => refuse!("the solver has left the device"),
+    }
+}
+
 fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
 }

@@ -68,10 +68,10 @@ impl World {
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let text = task.kernels(Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
-        let _foreseen = beside.foresee(&text).map_err(failed)?;
+        let _foreseen = beside.foresee(&text)?;
         resident.hold(batch)?;
         if let Some((device, _)) = resident.held() {
-            device.join(beside).map_err(failed)?;
+            device.join(beside)?;
         }
         let steps = back.unwrap_or(0);
         if back.is_some() {
@@ -129,7 +129,7 @@ impl World {
         // Task kernels that do not compile, or no memory left by the solver: the task then runs on the CPU, and the
         // reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
-        world.past.take(&world.device, &kept).map_err(failed)?;
+        world.past.take(&world.device, &kept)?;
         Ok(Some(world))
     }
 
@@ -143,13 +143,7 @@ impl World {
     }
 
     fn launch(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(
-            kernel,
-            (self.n.div_ceil(BLOCK), 1),
-            (BLOCK, 1),
-            0,
-            &[&[Ptr(self.fields.ptr)], args].concat(),
-        )
+        self.device.launch_each(kernel, self.n, BLOCK, &[&args![&self.fields], args].concat())
     }
 
     /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
@@ -161,12 +155,12 @@ impl World {
         judge: &[Arg],
     ) -> Result<(), DeviceError> {
         for frame in 0..self.step {
-            let past = self.past.place(t * self.step + frame).map(Ptr);
-            self.launch("task_act", &[&[Ptr(actions), Int(frame)][..], &past].concat())?;
+            let [states, torques, goals] = self.past.place(t * self.step + frame);
+            self.launch("task_act", &args![actions, frame, states, torques, goals])?;
             resident.frame()?;
         }
         let reached = self.reached.as_ref().map_or(0, |reached| reached.at(t * self.states.len()));
-        self.launch("task_judge", &[judge, &[Ptr(reached)]].concat())
+        self.launch("task_judge", &[judge, &args![reached]].concat())
     }
 
     /// Key of a captured rollout: address of the world and ring index of its next frame. `None` if rollouts of `steps`
@@ -192,17 +186,17 @@ impl World {
 
     /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
     pub(super) fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
-        let args = [&[Ptr(self.fields.ptr), Ptr(steps)], args].concat();
+        let args = [&args![&self.fields, steps], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
 
     /// Ends a rollout: downloads the states and returns the number of failed episodes.
     pub(super) fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
         let mut counts = [0; 2];
-        self.device.read(&self.counts, &mut counts).map_err(failed)?;
-        self.device.write(&self.counts, &[0, 0]).map_err(failed)?;
+        self.device.read(&self.counts, &mut counts)?;
+        self.device.write(&self.counts, &[0, 0])?;
         if let Some((device, held)) = resident.held() {
-            device.read(&held.states, &mut self.states).map_err(failed)?;
+            device.read(&held.states, &mut self.states)?;
         }
         if let Some(env) = counts[1].checked_sub(1) {
             let reason = "a start that cannot be stepped would restart for ever".into();
@@ -221,10 +215,10 @@ impl World {
             ..Default::default()
         };
         kept.goals.resize(self.goals.len, 0.0);
-        d.read(&self.frames, &mut kept.frames).map_err(failed)?;
-        d.read(&self.begun, &mut kept.begun).map_err(failed)?;
-        d.read(&self.goals, &mut kept.goals).map_err(failed)?;
-        self.past.give(d, &mut kept).map_err(failed)?;
+        d.read(&self.frames, &mut kept.frames)?;
+        d.read(&self.begun, &mut kept.begun)?;
+        d.read(&self.goals, &mut kept.goals)?;
+        self.past.give(d, &mut kept)?;
         Ok(kept)
     }
 }

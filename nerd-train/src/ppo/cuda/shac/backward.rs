@@ -130,11 +130,11 @@ impl BackwardPass {
             (1 + kept.slots) * kept.environments,
         );
         engine.reached(target_critic)?;
-        let read = [&kept.rewards.ptr, &kept.ends.ptr, &kept.values.ptr, &kept.units.ptr].map(|at| Ptr(*at));
-        let written = [self.shares.ptr, self.asked.ptr, net.targets.ptr, self.earned.ptr, self.without.ptr].map(Ptr);
-        let sizes = [n, kept.horizon, kept.slots, a, engine.shape.outputs()].map(Int);
-        let law = [config.gamma, self.scale].map(Double);
-        engine.over("shac_ahead", n, &[&read[..], &written, &sizes, &law].concat())?;
+        let Self { shares, asked, earned, without, scale, .. } = self;
+        let read = args![&kept.rewards, &kept.ends, &kept.values, &kept.units];
+        let written = args![shares, asked, &net.targets, earned, without];
+        let sizes = args![n, kept.horizon, kept.slots, a, engine.shape.outputs(), config.gamma, *scale];
+        engine.over("shac_ahead", n, &[&read[..], &written, &sizes].concat())?;
         net.backward(target_critic, None, 0..rows, Some(self.by_rows.ptr))?;
         net.forward_from(engine.steps.inputs.ptr, target_critic, steps)?;
         engine.value(0, kept.values.ptr, steps)?;
@@ -146,13 +146,13 @@ impl BackwardPass {
         let (weights, steps, trail) = (engine.weights.ptr, self.fields.ptr, world.trail().0);
         let [slope, by_torques] = [self.slope.ptr, self.pushed.ptr];
         for t in (0..horizon).rev() {
-            world.back("task_arrive_back", 1, steps, &[Int(t)])?;
+            world.back("task_arrive_back", 1, steps, &args![t])?;
             for frame in (t * frames..(t + 1) * frames).rev() {
                 resident.back(
                     trail,
                     Back { frame, rows: 1, grad_next: slope, by_states: slope, by_torques, next: [0; 2] },
                 )?;
-                world.back("task_acted_back", 1, steps, &[Int(frame)])?;
+                world.back("task_acted_back", 1, steps, &args![frame])?;
             }
             if t > 0 {
                 net.backward(weights, None, t * n..(t + 1) * n, Some(self.by_seen.ptr))?;
@@ -166,6 +166,6 @@ impl BackwardPass {
 
     /// Begins the next episode in environments without gradients, and writes its observation.
     pub(super) fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
-        of.world.back("task_begin_again", 1, self.fields.ptr, &[Ptr(of.engine.kept.rows.ptr)])
+        of.world.back("task_begin_again", 1, self.fields.ptr, &args![&of.engine.kept.rows])
     }
 }

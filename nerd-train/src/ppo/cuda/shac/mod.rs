@@ -48,12 +48,11 @@ impl CudaShac {
         self.part("rollout", &mut started)?;
         self.load()?;
         let RolloutInput { episodes, running, policy, config, .. } = on;
-        let Simulation { batch, solver } = &mut episodes.simulation;
-        let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
         let way = match self.way.take() {
             Some(way) => way,
-            None => BackwardPass::new(&self.engine, world, &batch.system.robot, config)?,
+            None => BackwardPass::new(&self.engine, world, &episodes.simulation.batch.system.robot, config)?,
         };
+        let resident = on_card(&mut episodes.simulation)?;
         let rolled =
             Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
         for (name, go) in [
@@ -109,11 +108,7 @@ impl CudaShac {
         let learned = engine.passes(&mut shac.adam, &config, orders.into_iter());
         swap(engine);
         let n = critic.weights.len;
-        engine.over(
-            "shac_follow",
-            n,
-            &[Ptr(critic.target_critic.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)],
-        )?;
+        engine.over("shac_follow", n, &args![&critic.target_critic, &critic.weights, KEPT, n])?;
         Ok(learned?.terms.critic)
     }
 
