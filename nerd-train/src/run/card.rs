@@ -77,7 +77,7 @@ impl Identity {
             unrolled: plan.mode.frames(),
             learner: plan.learner,
             trainer: plan.trainer,
-            epsilon: if let Start::Random { epsilon } = plan.mode.start() { epsilon } else { None },
+            epsilon: plan.config.epsilon,
             arithmetic: plan.arithmetic.clone(),
             rollouts: *rollouts,
             frames,
@@ -88,7 +88,7 @@ impl Identity {
             held_out: plan.measured.as_ref().map(Measured::held_out),
             data_sha256: String::new(),
             transitions: *transitions,
-            fresh: plan.fresh,
+            fresh: plan.config.fresh_transitions,
             from: parent.map(history),
             from_sha256: parent.map(|config| config.model_sha256.clone()),
         }

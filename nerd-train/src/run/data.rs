@@ -92,9 +92,7 @@ impl Data {
         }
         let own = || {
             let mut own = moments(windows);
-            if let Start::Random { epsilon: Some(epsilon) } = plan.mode.start() {
-                own.outputs.epsilon = epsilon;
-            }
+            own.outputs.epsilon = config.epsilon.unwrap_or(own.outputs.epsilon);
             if form.base == Base::Trapezoid {
                 trapezoid::level(&system.robot, system.frame_time, &mut own.outputs);
             }

@@ -121,7 +121,7 @@ impl Run {
     /// The supply of fresh data from update `step` on, if the run has any.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         let plan = &self.plan;
-        let (fresh, data) = (plan.fresh, GenerateConfig { until: None, ..plan.recording.clone() });
+        let (fresh, data) = (plan.config.fresh_transitions, GenerateConfig { until: None, ..plan.recording.clone() });
         if fresh == 0 {
             return Ok(None);
         }
