@@ -99,7 +99,7 @@ impl Measured {
             hash.update((trajectory.states.len() as u64).to_le_bytes());
             trajectory.states.iter().chain(&trajectory.torques).flatten().for_each(|x| hash.update(x.to_le_bytes()));
         }
-        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = hex(hash.finalize());
         let (all, by_rule) = (log.trajectories.clone(), held_out.is_empty());
         let (rest, held_out) = match held_out {
             [] => parted(all, HELD_OUT),

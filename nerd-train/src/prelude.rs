@@ -14,6 +14,7 @@ pub(crate) use nerd_model::normalizer::{Moments, Normalizer};
 pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass};
 pub(crate) use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 pub(crate) use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording};
+pub(crate) use nerd_sim::files::hex;
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_sim::range::within;
 pub(crate) use nerd_tasks::{ChaCha8Rng, Episodes, Snapshot, Task};

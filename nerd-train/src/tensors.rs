@@ -52,7 +52,7 @@ impl Tensors {
             .map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::file(path))?;
         let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::file(path))?;
-        nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
+        crate::files::write(path, &bytes)
     }
 
     pub fn open(path: &Path) -> Result<Self> {

@@ -9,7 +9,8 @@ mod config;
 
 use std::{collections::HashMap, path::Path};
 
-use nerd_sim::{files::write, range::within};
+use nerd_sim::files::{hex, write};
+use nerd_sim::range::within;
 use sha2::{Digest, Sha256};
 
 use crate::prelude::*;
@@ -99,7 +100,7 @@ impl Model {
         for piece in self.weights.flat.chunks(4096) {
             hash.update(piece.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>());
         }
-        hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+        hex(hash.finalize())
     }
 
     /// Writes the folder, `config.json` last; `card` becomes `README.md`. Computes the configuration's `model_sha256`.

@@ -59,7 +59,7 @@ impl Contract {
         Ok(Self {
             task: task.name().into(),
             policy_sha256: policy.sha256(),
-            onnx_sha256: Sha256::digest(model).iter().map(|b| format!("{b:02x}")).collect(),
+            onnx_sha256: hex(Sha256::digest(model)),
             opset,
             input: input.into(),
             output: "action".into(),

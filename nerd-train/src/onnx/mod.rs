@@ -20,7 +20,7 @@ mod wire;
 use nerd_model::program::Activation;
 use nerd_sim::files::{has_keys, replaceable};
 
-use crate::{ppo::Policy, prelude::*};
+use crate::{files::write, ppo::Policy, prelude::*};
 use wire::Message;
 
 pub use contract::Contract;
@@ -161,7 +161,7 @@ pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> 
     let bytes = model(policy);
     let contract = Contract::of(policy, task, &bytes, input(policy).0, versions(policy.shape.activation)[0])?;
     let text = serde_json::to_string_pretty(&contract).map_err(Error::file(&beside))?;
-    nerd_sim::files::write(out, &bytes).map_err(Error::file(out))?;
-    nerd_sim::files::write(&beside, (text + "\n").as_bytes()).map_err(Error::file(&beside))?;
+    write(out, &bytes)?;
+    write(&beside, text + "\n")?;
     Ok(contract)
 }

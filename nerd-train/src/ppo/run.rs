@@ -7,10 +7,10 @@ use nerd_tasks::Work;
 
 use super::export::export;
 use super::*;
-use crate::bounds;
 use crate::progress::{bar_from, notes};
 use crate::records::{Record, Session, claimed, ours};
 use crate::stop::{PATIENCE, heed};
+use crate::{bounds, files};
 
 /// Least time between two checkpoints, unless iterations are long.
 const SAVE: Duration = Duration::from_secs(60);
@@ -128,8 +128,7 @@ impl PolicyRun {
             match &mut metrics {
                 Some(record) => record,
                 None => {
-                    let (path, what) = (self.out.join("run.json"), trainer.whole(identity));
-                    nerd_sim::files::write(&path, (what + "\n").as_bytes()).map_err(Error::file(&path))?;
+                    files::write(&self.out.join("run.json"), trainer.whole(identity) + "\n")?;
                     metrics.insert(Record::metrics(&self.out, line.step - 1)?)
                 }
             }

@@ -3,6 +3,7 @@
 use nerd_model::transformer::Storage;
 
 use super::*;
+use crate::files::write;
 use crate::records::rows;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
@@ -237,9 +238,7 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
 
 fn said(folder: &Path, card: &str, verdict: Option<Verdict>) -> Result<Option<Verdict>> {
     if let Some(verdict) = &verdict {
-        let path = folder.join("README.md");
-        nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes())
-            .map_err(Error::file(&path))?;
+        write(&folder.join("README.md"), format!("{card}\n## What it is worth\n\n{verdict}.\n"))?;
     }
     Ok(verdict)
 }

@@ -77,8 +77,7 @@ impl Recipe {
 
     /// The recipe in a file, overridden by `given`.
     pub fn read(path: &Path, given: &Given) -> Result<Self> {
-        let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
-        Self::parse(path, &text, given)
+        Self::parse(path, &crate::files::read_text(path)?, given)
     }
 
     fn parse(path: &Path, text: &str, given: &Given) -> Result<Self> {
