@@ -11,7 +11,7 @@ pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::form::{Form, View};
 pub(crate) use nerd_model::neural::Neural;
 pub(crate) use nerd_model::normalizer::{Moments, Normalizer};
-pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass};
+pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass, add};
 pub(crate) use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 pub(crate) use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording};
 pub(crate) use nerd_sim::files::hex;

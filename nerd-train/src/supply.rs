@@ -75,7 +75,7 @@ impl Supply {
             };
             // A pool of one thread keeps solvers with internal parallelism out of the run's way.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-            pool.map_err(|e| Error::Refused(format!("fresh data: {e}")))?.spawn(work);
+            pool.map_err(|e| format!("fresh data: {e}"))?.spawn(work);
             supply.threads.push(receiver);
         }
         Ok(supply)

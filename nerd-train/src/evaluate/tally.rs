@@ -104,10 +104,10 @@ impl Tally {
         }
         let now = self.gaps.speeds(real);
         self.fastest.iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
-        let add = |sums: &mut Vec<f64>, gap: &[f64]| sums[row.clone()].iter_mut().zip(gap).for_each(|(s, g)| *s += g);
-        add(&mut self.sums[0], &self.last[row.clone()]);
+        let [sums, of_hold] = &mut self.sums;
+        add(&mut sums[row.clone()], &self.last[row.clone()]);
         self.gaps.between(real, first, &mut self.gap);
-        add(&mut self.sums[1], &self.gap);
+        add(&mut of_hold[row], &self.gap);
         if self.gone[env].is_none() && learned.iter().any(|x| x.abs() > GONE) {
             self.gone[env] = Some(step);
         }

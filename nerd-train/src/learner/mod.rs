@@ -118,6 +118,18 @@ pub enum LearnError {
 
 part!(LearnError);
 
+impl From<String> for LearnError {
+    fn from(reason: String) -> Self {
+        Self::Mismatch(reason)
+    }
+}
+
+/// Returns a [`LearnError::Mismatch`].
+macro_rules! mismatch {
+    ($($text:tt)*) => { return Err($crate::learner::LearnError::Mismatch(format!($($text)*))) };
+}
+pub(crate) use mismatch;
+
 /// Makes updates on the windows that it was given.
 pub trait Learner {
     /// Makes one update with learning rate `lr`. May return before the device is done.
@@ -164,25 +176,23 @@ impl From<LearnError> for StepError {
 
 /// Refuses settings, a state or windows that do not fit the network or each other.
 fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> Result<(), LearnError> {
-    let (network, mismatch) = (state.weights.config, LearnError::Mismatch);
-    config.check().map_err(mismatch)?;
-    network.check().map_err(mismatch)?;
+    let network = state.weights.config;
+    config.check()?;
+    network.check()?;
     let n = network.parameters();
     if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) {
-        return Err(mismatch(format!("a state of {n} parameters is needed")));
+        mismatch!("a state of {n} parameters is needed");
     }
     for (name, set) in ["training", "validation"].into_iter().zip(sets) {
         let (found, expected) =
             ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
         if found != expected {
-            return Err(mismatch(format!(
-                "{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}"
-            )));
+            mismatch!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
         }
         let tokens = set.trajectories() * set.frames;
         if set.is_empty() || set.x.len() != tokens * set.inputs || set.y.len() != tokens * set.outputs {
             let (x, y) = (set.x.len(), set.y.len());
-            return Err(mismatch(format!("{name} windows: {x} inputs and {y} targets make no window")));
+            mismatch!("{name} windows: {x} inputs and {y} targets make no window");
         }
     }
     Ok(())

@@ -82,11 +82,8 @@ impl<P: Pass> Sharded<P> {
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
         let mut total = parts.next().unwrap_or_default();
         let rest: Vec<_> = parts.collect();
-        total.par_chunks_mut(SUM).enumerate().for_each(|(i, total)| {
-            for part in &rest {
-                total.iter_mut().zip(&part[i * SUM..]).for_each(|(t, p)| *t += p);
-            }
-        });
+        let sums = total.par_chunks_mut(SUM).enumerate();
+        sums.for_each(|(i, total)| rest.iter().for_each(|part| add(total, &part[i * SUM..])));
         Ok((loss, total))
     }
 

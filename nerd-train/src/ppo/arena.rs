@@ -161,7 +161,7 @@ impl Arena {
                     }
                 })
             };
-            trainer.engine = engine().map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
+            trainer.engine = engine().map_err(|e| format!("--device cuda: {e}"))?;
         }
         Ok(trainer)
     }

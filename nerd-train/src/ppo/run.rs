@@ -60,7 +60,7 @@ impl PolicyRun {
     pub fn train(&self) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
-        self.config.check().map_err(Error::Refused)?;
+        self.config.check()?;
         let (system, solver) = (task.system()?, self.arena.title()?);
         bearable(&*task, &system, &self.config)?;
         let title = format!("{} on {solver}", self.task);

@@ -234,7 +234,7 @@ fn gradient(
             one.kl =
                 f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
             part.terms.add(&one);
-            spreads.iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
+            add(&mut spreads, d_s);
             part.mean.extend_from_slice(&said[..a]);
             part.spread.extend_from_slice(s);
         }
@@ -247,7 +247,7 @@ fn gradient(
     });
     let mut sum = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
     for part in parts.collect::<Vec<_>>() {
-        sum.flat.iter_mut().zip(part.flat).for_each(|(s, g)| *s += g);
+        add(&mut sum.flat, &part.flat);
         sum.terms.add(&part.terms);
         sum.mean.extend(part.mean);
         sum.spread.extend(part.spread);

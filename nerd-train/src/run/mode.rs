@@ -162,7 +162,7 @@ impl Mode {
         let heads = |head_width: usize| (embedding / head_width.max(1)).max(1);
         let network = match *self {
             Self::Chain { .. } => {
-                let rods = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?.rods;
+                let rods = Chain::of(system)?.rods;
                 single(paper(chain::INPUTS, chain::OUTPUTS), rods, Architecture::Chain)
             }
             Self::Rollouts { .. } | Self::Windows { context: Context::Frame, .. } => {

@@ -1,7 +1,6 @@
 //! Derives the plan of a run from its settings: form, network, learner, trainer, data to record. All checks happen
 //! here, before anything is recorded or written.
 
-use nerd_model::chain::Chain;
 use nerd_sim::{dataset::Manifest, log::specified, vary};
 
 use super::*;
@@ -54,7 +53,7 @@ impl Plan {
             );
         }
         let (learner, trainer) = (config.learner(), config.trainer());
-        learner.check().and(trainer.check()).map_err(Error::Refused)?;
+        learner.check().and(trainer.check())?;
         // Fresh data beyond the tokens that the run reads would be wasted.
         let (fresh, batch, sequence) = (config.fresh_transitions, learner.batch, network.sequence());
         let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
@@ -94,11 +93,6 @@ impl Plan {
     /// Name of the truth, as on cards.
     pub fn truth(&self) -> String {
         self.measured.as_ref().map_or_else(|| self.config.record.truth(&self.system).name(), |m| m.truth.clone())
-    }
-
-    /// The chain of the robot.
-    pub fn chain(&self) -> Result<Chain> {
-        Chain::of(&self.system).map_err(|e| Error::Refused(e.to_string()))
     }
 }
 

@@ -182,7 +182,7 @@ fn rename(given: &mut Given, path: &Path) {
 /// A file's run, overridden by `given`. If `given` names a model to start from, the model's epsilon replaces the
 /// file's.
 fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
-    let mut run = own.with(given).map_err(Error::Refused)?;
+    let mut run = own.with(given)?;
     if given.contains_key("from") && !given.contains_key("epsilon") {
         run.epsilon = None;
     }

@@ -32,9 +32,7 @@ impl<B: Body> Course<B> {
         let Self { train, validation, frames, .. } = self;
         if train.is_empty() || validation.is_empty() || train.frames < *frames || *frames == 0 {
             let (motions, long) = (train.len(), train.frames);
-            return Err(LearnError::Mismatch(format!(
-                "{motions} motions of {long} frames hold no rollout of {frames}"
-            )));
+            mismatch!("{motions} motions of {long} frames hold no rollout of {frames}");
         }
         Ok(())
     }

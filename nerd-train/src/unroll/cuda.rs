@@ -68,10 +68,10 @@ impl CudaUnrollLearner {
         state: LearnerState,
         course: Course<Cable>,
     ) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+        config.check()?;
         course.check()?;
         let (body, train, frames, rows) = (&course.body, &course.train, course.frames, config.batch);
-        state.weights.config.check().map_err(LearnError::Mismatch)?;
+        state.weights.config.check()?;
         let plan = Plan::new(state.weights.config.program(), body.tokens())?;
         let mut network = Network::new(plan, rows, precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
@@ -176,7 +176,7 @@ impl Recorded {
         let torques: Vec<f64> = (0..motions.len()).flat_map(torques).chain([0.0]).collect();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
-            scenes.extend(body.record(system, scene, colliders).map_err(LearnError::Mismatch)?);
+            scenes.extend(body.record(system, scene, colliders)?);
         }
         Ok(Self { frames: motions.frames, states: truths, torques: d.upload(&torques)?, scenes: d.upload(&scenes)? })
     }

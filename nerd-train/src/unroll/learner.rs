@@ -23,7 +23,7 @@ impl<B: Body> UnrollLearner<B> {
     /// # Errors
     /// If motions are shorter than a rollout.
     pub fn new(config: LearnerConfig, state: LearnerState, course: Course<B>) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+        config.check()?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
@@ -71,7 +71,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         let loss = parts.iter().map(|part| part.0).sum::<f64>();
         // Sum in order: the same bits on any number of threads.
         let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
-        parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
+        parts.iter().for_each(|part| add(&mut gradient, &part.1));
         self.optimiser.update(lr, loss as f32, &gradient)?;
         // Rollouts of one frame always start from the truth.
         let carried = self.course.frames > 1;

@@ -21,6 +21,7 @@ mod learner;
 mod pass;
 pub mod robot;
 
+use crate::learner::mismatch;
 use crate::prelude::*;
 use body::bent;
 use course::BETA;

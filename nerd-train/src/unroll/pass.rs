@@ -97,7 +97,7 @@ impl<B: Body> Unroll<'_, B> {
         let (by_weights, by_tokens) = self.network.backward(body.tokens(), &by_outputs, memory, true);
         match gradient.is_empty() {
             true => *gradient = by_weights,
-            false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
+            false => add(gradient, &by_weights),
         }
         let rows = by_tokens.chunks_exact(by_tokens.len() / count);
         for ((((before, look), upstream), row), slope) in

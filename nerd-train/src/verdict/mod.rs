@@ -92,7 +92,7 @@ pub fn verdict(
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);
     }
-    let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
+    let truth = Truth::named(&model.config.truth)?;
     let maps = linear::maps(model, linear::windows(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?);
     let own = SolverSpec::from(truth).config(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));

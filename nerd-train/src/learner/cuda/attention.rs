@@ -26,9 +26,9 @@ impl Attention {
     pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> Result<Self, LearnError> {
         let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
         if !width.is_multiple_of(4 * heads) || tokens > TOKENS || shape.seen > 32 {
-            return Err(LearnError::Mismatch(format!(
+            mismatch!(
                 "attention on the device has windows of 32 tokens at most, sequences of {TOKENS}, and heads of 4, 8, 12 .. columns: {shape:?}"
-            )));
+            );
         }
         let fits = |group: &usize| {
             let shape = Self { group: *group, ..shape };

@@ -25,7 +25,7 @@ impl CudaForward {
     pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
         let plan = Plan::of(&weights.config, weights.config.history)?;
         if plan.program.steps.iter().any(|step| matches!(step.op, Op::Attend { band: Some(_), .. })) {
-            return Err(LearnError::Mismatch("rotary positions are evaluated token by token, by CudaStream".into()));
+            mismatch!("rotary positions are evaluated token by token, by CudaStream");
         }
         let (network, weights) = Network::with_weights(plan, &weights.flat, max_windows, precision, false)?;
         Ok(Self { passes: Replay::keeping(SIZES), last: network.device.zeros(max_windows)?, network, weights })
@@ -37,9 +37,9 @@ impl CudaForward {
         let fits = tokens <= history && windows <= most && inputs.len() == windows * tokens * width;
         if !fits || last.iter().any(|&l| l as usize >= tokens) {
             let have = inputs.len();
-            return Err(LearnError::Mismatch(format!(
+            mismatch!(
                 "{have} inputs for {windows} windows of {tokens} tokens of {width} (at most {most} windows of {history})"
-            )));
+            );
         }
         out.clear();
         out.resize(windows * self.network.plan.outputs(), 0.0);

@@ -20,10 +20,7 @@ impl Plan {
         };
         // Kernels index the flat vector with 31 bits.
         if plan.parameters() > i32::MAX as usize / 4 {
-            return Err(LearnError::Mismatch(format!(
-                "{} parameters are too many for the CUDA engine",
-                plan.parameters()
-            )));
+            mismatch!("{} parameters are too many for the CUDA engine", plan.parameters());
         }
         for i in 0..plan.program.steps.len() {
             plan.check_slots(i)?;
@@ -31,9 +28,7 @@ impl Plan {
         }
         plan.fuse_shifts();
         if plan.independent_from() == plan.parts.len() {
-            return Err(LearnError::Mismatch(
-                "the CUDA engine needs a last operation in which tokens are independent".into(),
-            ));
+            mismatch!("the CUDA engine needs a last operation in which tokens are independent");
         }
         Ok(plan)
     }

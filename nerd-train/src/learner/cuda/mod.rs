@@ -25,6 +25,7 @@ use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event, Lane, Replay, args};
 use nerd_model::program::{Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::Windowed;
 
+use super::mismatch;
 use crate::prelude::*;
 use attention::Attention;
 use plan::Part;

@@ -55,7 +55,7 @@ impl Muon {
             })
         };
         if shapes.is_empty() {
-            return Err(LearnError::Mismatch("a network without hidden matrices".into()));
+            mismatch!("a network without hidden matrices");
         }
         let lanes = [Lane::Main, Lane::Side].into_iter().cycle();
         let groups = shapes.into_iter().zip(lanes).map(group).collect::<Result<_, _>>()?;

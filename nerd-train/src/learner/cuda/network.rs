@@ -55,7 +55,7 @@ impl Network {
         let warps = plan.attention.map_or(32, |a| 32 * a.heads);
         let most = i32::MAX as usize / (plan.tokens * layout.widths.iter().fold(warps, |most, width| most.max(*width)));
         if !(1..=most).contains(&rows) {
-            return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
+            mismatch!("{rows} rows at once: 1 to {most} fit the CUDA engine");
         }
         let (text, kernels) = source(&plan);
         let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
@@ -116,7 +116,7 @@ impl Network {
     ) -> Result<(Self, Buffer<f32>), LearnError> {
         let parameters = plan.parameters();
         if flat.len() != parameters {
-            return Err(LearnError::Mismatch(format!("{} weights for a network of {parameters}", flat.len())));
+            mismatch!("{} weights for a network of {parameters}", flat.len());
         }
         let exact = precision != Precision::F16 || held_in_f16(&plan.program, flat);
         let network = Self::new(plan, rows, if exact { precision } else { Precision::F32 }, train)?;

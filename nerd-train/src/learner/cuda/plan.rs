@@ -44,7 +44,7 @@ pub(super) struct Layout {
 
 impl Plan {
     pub fn of(config: &TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+        config.check()?;
         Self::new(config.program(), tokens)
     }
 

@@ -50,7 +50,7 @@ impl CudaProgram {
         pass: impl Fn(&Network, u64) -> Result<(), DeviceError>,
     ) -> Result<Vec<f32>, LearnError> {
         if tokens.len() != self.by_tokens.len {
-            return Err(LearnError::Mismatch(format!("{} numbers for tokens of {}", tokens.len(), self.by_tokens.len)));
+            mismatch!("{} numbers for tokens of {}", tokens.len(), self.by_tokens.len);
         }
         self.network.load(tokens, self.network.plan.tokens)?;
         let net = &self.network;

@@ -63,7 +63,7 @@ impl CudaStream {
         let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
         let envs = tokens.len() / inputs;
         if envs * inputs != tokens.len() || envs > rows {
-            return Err(LearnError::Mismatch(format!("{} values for at most {rows} rows of {inputs}", tokens.len())));
+            mismatch!("{} values for at most {rows} rows of {inputs}", tokens.len());
         }
         self.network.load(tokens, 1)?;
         self.network.device.write(&self.taken.0, &self.taken.1)?;

@@ -101,7 +101,7 @@ impl Learner for CudaLearner {
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
         let (data, d) = (&self.train, &self.network.device);
-        data.shape.fits(first, fresh, data.count / data.per).map_err(LearnError::Mismatch)?;
+        data.shape.fits(first, fresh, data.count / data.per)?;
         let token = first * data.shape.frames;
         d.write_at(&data.x, token * fresh.inputs, &fresh.x)?;
         Ok(d.write_at(&data.y, token * fresh.outputs, &fresh.y)?)

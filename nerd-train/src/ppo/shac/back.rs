@@ -167,7 +167,7 @@ pub(super) fn back(
                 &trace.torques[k * n * joints..][..n * joints],
                 &mut behind,
             )?;
-            by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
+            add(&mut by_torques, &found);
             each(
                 (&mut behind, &mut by_torques, &mut by_action),
                 &|env, Env { gradient, by_torques, by_action }, work| {

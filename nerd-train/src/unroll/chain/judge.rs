@@ -10,9 +10,7 @@ use super::*;
 /// # Errors
 /// If the robot is not a chain, or the network is not for its number of rods.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
-    let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
-    let (chain, mut solver) =
-        (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
+    let (chain, mut solver) = (Chain::of(system)?, ChainSolver::new(weights, normalizer, system)?);
     let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
     let mut batch = Batch::new(system, first, motions.len());
     batch.scenes.clone_from_slice(&motions.scenes);
