@@ -51,7 +51,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn new(system: &Arc<System>, n: usize) -> Self {
+    pub fn new(system: &Arc<System>, n: usize) -> Self {
         let width = quantities(system).len();
         let zeros = || vec![0.0; n * width];
         Self {
@@ -71,7 +71,7 @@ impl Tally {
 
     /// Steps all rollouts and adds their errors. `real` are the true states after the step, `first` the states at the
     /// start.
-    pub(super) fn step(
+    pub fn step(
         &mut self,
         solver: &mut dyn Solver,
         (learned, torques): (&mut Batch, &[f64]),
@@ -115,7 +115,7 @@ impl Tally {
     }
 
     /// The report after `steps` steps.
-    pub(super) fn report(self, steps: usize) -> PassiveReport {
+    pub fn report(self, steps: usize) -> PassiveReport {
         let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect::<Vec<f64>>();
         let mean = |sums: &[f64], k: usize| of(sums, k).iter().sum::<f64>() / (self.n * steps) as f64;
         let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect::<Vec<_>>();

@@ -28,7 +28,7 @@ pub(super) fn goes_back(model: &Model) -> Result<(), StepError> {
 
 impl FramesBack {
     /// Allocates memory for `frames` frames of batches like `batch`.
-    pub(super) fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
+    pub fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
         let (config, system, n) = (model.config.network, &batch.system, batch.len());
         let (mut network, weights) =
             Network::with_weights(Plan::of(&config, 1)?, &model.weights.flat, n * frames, Precision::F32, true)?;
@@ -39,17 +39,17 @@ impl FramesBack {
     }
 
     /// Whether the memory is enough for `frames` frames.
-    pub(super) fn fits(&self, frames: usize) -> bool {
+    pub fn fits(&self, frames: usize) -> bool {
         frames <= self.frames
     }
 
     /// Queues all work on the streams of `device`.
-    pub(super) fn join(&self, device: &Device) -> Result<(), DeviceError> {
+    pub fn join(&self, device: &Device) -> Result<(), DeviceError> {
         self.network.device.join(device)
     }
 
     /// Computes the network's activations in all frames of `trail`.
-    pub(super) fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
+    pub fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
         let rows = trail.frames * held.n;
         let tokens = self.network.at(Slot(0));
         let args = args![trail.states, trail.torques, &held.records, &held.scene_of, tokens, rows, held.n];
@@ -58,7 +58,7 @@ impl FramesBack {
     }
 
     /// Vector-Jacobian products of one frame, one gradient (row) after the other.
-    pub(super) fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+    pub fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
         let (Self { network, weights, state, .. }, n) = (self, held.n);
         let rows = back.frame * n..(back.frame + 1) * n;
         let (d, first, by_tokens) = (&network.device, rows.start * state, &self.by_tokens);

@@ -56,11 +56,7 @@ struct Past {
 impl World {
     /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
     /// device. `back` is the horizon of rollouts that are differentiated.
-    pub(super) fn new(
-        episodes: &mut Episodes,
-        beside: &Device,
-        back: Option<usize>,
-    ) -> Result<Option<Self>, StepError> {
+    pub fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) =
             (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let climbs = i32::from(episodes.climbs());
@@ -133,12 +129,12 @@ impl World {
         Ok(Some(world))
     }
 
-    pub(super) fn frames(&self) -> usize {
+    pub fn frames(&self) -> usize {
         self.step
     }
 
     /// Upper bound on the time-outs of one environment within `steps` steps.
-    pub(super) fn cuts(&self, steps: usize) -> usize {
+    pub fn cuts(&self, steps: usize) -> usize {
         1 + (steps.saturating_sub(1) as u64 / self.length) as usize
     }
 
@@ -147,13 +143,7 @@ impl World {
     }
 
     /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
-    pub(super) fn step(
-        &self,
-        resident: &dyn Resident,
-        t: usize,
-        actions: u64,
-        judge: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
         for frame in 0..self.step {
             let [states, torques, goals] = self.past.place(t * self.step + frame);
             self.launch("task_act", &args![actions, frame, states, torques, goals])?;
@@ -165,33 +155,33 @@ impl World {
 
     /// Key of a captured rollout: address of the world and ring index of its next frame. `None` if rollouts of `steps`
     /// steps begin at changing indices.
-    pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
+    pub fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
         (room == 0 || (steps * self.step).is_multiple_of(room))
             .then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
     }
 
-    pub(super) fn passed(&mut self, steps: usize) {
+    pub fn passed(&mut self, steps: usize) {
         let past = &mut self.past;
         past.count += steps * self.step;
         past.known = (past.known + steps * self.step).min(past.most);
     }
 
     /// The stored frames for the backward pass; addresses of the goals before them and of the states after each step.
-    pub(super) fn trail(&self) -> (Trail, [u64; 2]) {
+    pub fn trail(&self) -> (Trail, [u64; 2]) {
         let Past { room, states, torques, goals, .. } = &self.past;
         let reached = self.reached.as_ref().map_or(0, |reached| reached.ptr);
         (Trail { states: states.ptr, torques: torques.ptr, frames: *room }, [goals.ptr, reached])
     }
 
     /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
-    pub(super) fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
+    pub fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
         let args = [&args![&self.fields, steps], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
 
     /// Ends a rollout: downloads the states and returns the number of failed episodes.
-    pub(super) fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
+    pub fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
         let mut counts = [0; 2];
         self.device.read(&self.counts, &mut counts)?;
         self.device.write(&self.counts, &[0, 0])?;
@@ -206,7 +196,7 @@ impl World {
     }
 
     /// Snapshot for later steps, as of the end of the last rollout.
-    pub(super) fn snapshot(&self) -> Result<Snapshot, StepError> {
+    pub fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
         let mut kept = Snapshot {
             states: self.states.clone(),

@@ -27,8 +27,8 @@ pub(super) struct BackwardPass {
     _kept: [Buffer<f64>; 2],
     by_spread: Buffer<f32>,
     /// J by environment, and whether an environment had a frame without finite gradients.
-    pub(super) earned: Buffer<f64>,
-    pub(super) without: Buffer<u32>,
+    pub earned: Buffer<f64>,
+    pub without: Buffer<u32>,
     scale: f64,
     replays: [Replay; 3],
 }
@@ -36,21 +36,16 @@ pub(super) struct BackwardPass {
 /// A rollout on the device, with its engine, world and solver.
 #[derive(Clone, Copy)]
 pub(super) struct Rolled<'a> {
-    pub(super) engine: &'a CudaEngine,
-    pub(super) world: &'a World,
-    pub(super) resident: &'a dyn Resident,
-    pub(super) config: &'a PpoConfig,
+    pub engine: &'a CudaEngine,
+    pub world: &'a World,
+    pub resident: &'a dyn Resident,
+    pub config: &'a PpoConfig,
     /// Address of the weights of V'.
-    pub(super) target_critic: u64,
+    pub target_critic: u64,
 }
 
 impl BackwardPass {
-    pub(super) fn new(
-        engine: &CudaEngine,
-        world: &World,
-        robot: &Robot,
-        config: &PpoConfig,
-    ) -> Result<Self, DeviceError> {
+    pub fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> Result<Self, DeviceError> {
         let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
         let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
         let steps = n * kept.horizon;
@@ -102,12 +97,12 @@ impl BackwardPass {
     }
 
     /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
-    pub(super) fn value(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn value(&self, of: Rolled) -> Result<(), DeviceError> {
         self.replays[0].run(&of.engine.net.device, "values", (), || self.values(of))
     }
 
     /// Evaluates policy and solver again at all steps, as preparation of `back`.
-    pub(super) fn recall(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn recall(&self, of: Rolled) -> Result<(), DeviceError> {
         let Rolled { engine, world, resident, .. } = of;
         let (net, kept) = (&engine.net, &engine.kept);
         self.replays[1].run(&net.device, "recall", (), || {
@@ -117,7 +112,7 @@ impl BackwardPass {
     }
 
     /// Computes the gradient of `-J` with respect to the policy's parameters.
-    pub(super) fn back(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn back(&self, of: Rolled) -> Result<(), DeviceError> {
         self.replays[2].run(&of.engine.net.device, "way back", (), || self.through(of))
     }
 
@@ -165,7 +160,7 @@ impl BackwardPass {
     }
 
     /// Begins the next episode in environments without gradients, and writes its observation.
-    pub(super) fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
         of.world.back("task_begin_again", 1, self.fields.ptr, &args![&of.engine.kept.rows])
     }
 }
