@@ -76,17 +76,13 @@ impl Terms {
         Self { actor, critic, bounds, entropy, kl, clipped }
     }
 
-    pub(super) fn list(&self) -> [f64; 6] {
-        [self.actor, self.critic, self.bounds, self.entropy, self.kl, self.clipped]
-    }
-
     pub(super) fn add(&mut self, other: &Self) {
-        let (mine, theirs) = (self.list(), other.list());
-        *self = Self::of(std::array::from_fn(|k| mine[k] + theirs[k]));
+        let (mine, theirs) = (self.named(), other.named());
+        *self = Self::of(std::array::from_fn(|k| mine[k].1 + theirs[k].1));
     }
 
     pub(super) fn over(&self, n: f64) -> Self {
-        Self::of(self.list().map(|x| x / n))
+        Self::of(self.named().map(|(_, x)| x / n))
     }
 }
 

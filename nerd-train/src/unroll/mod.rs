@@ -23,7 +23,7 @@ pub mod robot;
 
 use crate::learner::mismatch;
 use crate::prelude::*;
-use body::bent;
+use body::{bent, ratio};
 use course::BETA;
 
 pub use body::{Body, Place, join};

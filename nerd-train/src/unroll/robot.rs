@@ -168,23 +168,24 @@ impl Body for Robot {
     }
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
-        let rows = validation_rows(motions.len() * motions.frames, frames);
-        let one = |(scratch, memory): &mut (Scratch, Memory), row: &u64| {
-            let place =
-                Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
-            let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
-            let events = self.look(&before, (motions, &place), scratch, &mut tokens);
-            let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
-            let after = self.advance(&before, &events, &outputs, scratch);
-            let truth = self.truth(motions, &Place { frame: place.frame + 1, ..place });
-            let size = |a: &[f64], b: &[f64]| {
-                let error = difference(&self.around.system.robot, a, b);
-                let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
-                velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
-            };
-            (size(&truth, &after), size(&truth, &before))
-        };
-        let sums: Vec<(f64, f64)> = rows.par_iter().map_init(|| (self.memory(), Memory::default()), one).collect();
-        sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+        ratio(
+            motions,
+            frames,
+            || (self.memory(), Memory::default()),
+            |(scratch, memory), motion, frame| {
+                let place = Place { motion, frame, view: () };
+                let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
+                let events = self.look(&before, (motions, &place), scratch, &mut tokens);
+                let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
+                let after = self.advance(&before, &events, &outputs, scratch);
+                let truth = self.truth(motions, &Place { frame: frame + 1, ..place });
+                let size = |a: &[f64], b: &[f64]| {
+                    let error = difference(&self.around.system.robot, a, b);
+                    let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
+                    velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
+                };
+                (size(&truth, &after), size(&truth, &before))
+            },
+        )
     }
 }

@@ -40,9 +40,7 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
 
 /// Relative error of a network in the change of rates over single frames, at `frames` evenly spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
-    let rows = validation_rows(motions.len() * motions.frames, frames);
-    let one = |memory: &mut Memory, row: &u64| {
-        let (motion, frame) = (*row as usize / motions.frames, *row as usize % motions.frames);
+    ratio(motions, frames, Memory::default, |memory, motion, frame| {
         let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
         let look =
             Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
@@ -54,7 +52,5 @@ pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: 
         let off =
             |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
         (off(&after.rates), off(&before.rates))
-    };
-    let sums: Vec<(f64, f64)> = rows.par_iter().map_init(Memory::default, one).collect();
-    sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+    })
 }

@@ -29,6 +29,12 @@ struct Critic {
     loaded: bool,
 }
 
+impl Critic {
+    fn vectors(&self) -> [&Buffer<f32>; 4] {
+        [&self.weights, &self.target_critic, &self.moments[0], &self.moments[1]]
+    }
+}
+
 impl CudaShac {
     /// Allocates memory for rollouts and updates under the settings of `shac`.
     pub fn new(shac: Shac, policy: &Policy, config: &PpoConfig) -> Result<Self> {
@@ -85,12 +91,8 @@ impl CudaShac {
     fn load(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.critic.loaded, true) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &self.shac);
-            let there =
-                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
-            there
-                .into_iter()
-                .zip([&critic.flat, target_critic, &adam.m, &adam.v])
-                .try_for_each(|(to, from)| d.write(to, from))?;
+            let here = [&critic.flat, target_critic, &adam.m, &adam.v];
+            self.critic.vectors().into_iter().zip(here).try_for_each(|(to, from)| d.write(to, from))?;
         }
         Ok(())
     }
@@ -175,9 +177,7 @@ impl Engine for CudaShac {
         if std::mem::take(&mut self.critic.loaded) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
             let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
-            let there =
-                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
-            there.into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
+            self.critic.vectors().into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
         }
         self.shac.learned()
     }
