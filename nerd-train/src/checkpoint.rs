@@ -122,7 +122,7 @@ impl Best {
 
 /// SHA-256 of the weights, as lower-case hex.
 fn hash(weights: &Weights) -> String {
-    hex(Sha256::digest(weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()))
+    hex(Sha256::digest(weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect_vec()))
 }
 
 fn json(config: &TransformerConfig) -> String {

@@ -5,6 +5,7 @@ pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::sync::{Mutex, PoisonError};
 pub(crate) use std::time::{Duration, Instant};
 
+pub(crate) use itertools::{Itertools, izip};
 pub(crate) use nerd_model::base::Base;
 pub(crate) use nerd_model::features::Features;
 pub(crate) use nerd_model::folder::{Model, ModelConfig};

@@ -86,7 +86,7 @@ pub(crate) fn recorded<T: Send>(
 ) -> Result<Vec<T>, DatasetError> {
     config.check(system)?;
     let starts = (0..config.trajectories()).step_by(config.shard_trajectories);
-    let starts: Vec<usize> = starts.collect();
+    let starts = starts.collect_vec();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
         let done = make(first as u64, count)?;
@@ -122,7 +122,7 @@ pub fn read(
         let recording = manifest.shard(folder, name, system)?;
         Ok((tokens(system, &recording, history, form), recording.sha256()))
     })?;
-    let hashes: Vec<_> = shards.iter().map(|s| s.1).collect();
+    let hashes = shards.iter().map(|s| s.1).collect_vec();
     let prepared = joined(shards);
     manifest.holds(folder, hashes, prepared.windows.trajectories(), prepared.windows.frames)?;
     Ok(prepared)

@@ -24,7 +24,7 @@ impl Tensors {
     }
 
     pub fn put_f64(&mut self, name: impl Into<String>, x: impl IntoIterator<Item = f64>) {
-        let bytes: Vec<u8> = x.into_iter().flat_map(f64::to_le_bytes).collect();
+        let bytes = x.into_iter().flat_map(f64::to_le_bytes).collect_vec();
         self.parts.insert(name.into(), (Dtype::F64, vec![bytes.len() / 8], bytes));
     }
 

@@ -116,9 +116,9 @@ impl Tally {
 
     /// The report after `steps` steps.
     pub fn report(self, steps: usize) -> PassiveReport {
-        let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect::<Vec<f64>>();
+        let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect_vec();
         let mean = |sums: &[f64], k: usize| of(sums, k).iter().sum::<f64>() / (self.n * steps) as f64;
-        let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect::<Vec<_>>();
+        let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect_vec();
         let spread = |k: usize| {
             let m = mean(&self.sums[0], k);
             let squares = of(&self.sums[0], k).into_iter().map(|s| (s / steps as f64 - m).powi(2));

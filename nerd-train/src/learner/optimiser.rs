@@ -57,7 +57,7 @@ impl Adam {
 
     pub fn step(&self, [w, m, v]: [&mut [f32]; 3], gradient: &[f32]) {
         let Self { decay, gain, rate, root, scale } = *self;
-        for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+        for (w, m, v, g) in izip!(w, m, v, gradient) {
             let g = g * scale;
             *m = decay[0] * *m + gain[0] * g;
             *v = decay[1] * *v + gain[1] * g * g;

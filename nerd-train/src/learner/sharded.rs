@@ -81,7 +81,7 @@ impl<P: Pass> Sharded<P> {
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
         let mut total = parts.next().unwrap_or_default();
-        let rest: Vec<_> = parts.collect();
+        let rest = parts.collect_vec();
         let sums = total.par_chunks_mut(SUM).enumerate();
         sums.for_each(|(i, total)| rest.iter().for_each(|part| add(total, &part[i * SUM..])));
         Ok((loss, total))
@@ -98,7 +98,7 @@ impl<P: Pass> Sharded<P> {
         rows: &[u64],
         work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
     ) -> Result<Vec<T>, LearnError> {
-        let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
+        let shards = rows.chunks(self.shard).collect_vec();
         let next = AtomicUsize::new(0);
         let thread = || {
             let mut worker = self.pass.worker(weights, gradients);
@@ -115,7 +115,7 @@ impl<P: Pass> Sharded<P> {
         let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
             // If a thread cannot be started, the others do its work.
             let other = |_| std::thread::Builder::new().spawn_scoped(scope, thread).ok();
-            let others: Vec<_> = (1..self.threads.min(shards.len())).map_while(other).collect();
+            let others = (1..self.threads.min(shards.len())).map_while(other).collect_vec();
             let mut done = thread()?;
             for other in others {
                 done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);
@@ -131,7 +131,7 @@ impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
         let LearnerConfig { batch, seed, .. } = self.optimiser.config;
-        let rows: Vec<u64> = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect();
+        let rows = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect_vec();
         let (loss, gradient) = self.gradient(&rows)?;
         self.optimiser.update(lr, loss, &gradient)
     }

@@ -81,11 +81,11 @@ impl Contract {
 
     /// Numbers that the contract cannot describe, a line each.
     pub fn unknown(&self) -> Vec<String> {
-        let places: Vec<String> = (0..)
+        let places = (0..)
             .zip(&self.observation)
             .filter(|(_, seen)| seen.quantity.is_none())
             .map(|(k, _): (usize, _)| k.to_string())
-            .collect();
+            .collect_vec();
         let seen = (!places.is_empty())
             .then(|| format!("observation {}: numbers of the task's own, known by their place", places.join(", ")));
         let acted = (self.law == Law::Own)

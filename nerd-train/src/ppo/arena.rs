@@ -205,5 +205,5 @@ impl Arena {
 
 /// A solver's text in letters, digits and dashes.
 fn dashed(spec: &SolverSpec) -> String {
-    spec.to_string().split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
+    spec.to_string().split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).join("-")
 }

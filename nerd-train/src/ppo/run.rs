@@ -183,8 +183,7 @@ impl Spent {
         };
         let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
-        let shares: Vec<String> =
-            parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
+        let shares = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect_vec();
         format!("{rate:.0} steps/s: {}", shares.join(", "))
     }
 }

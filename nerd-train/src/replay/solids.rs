@@ -102,10 +102,9 @@ fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
         let next = robot.links.iter().filter(move |child| child.parent == Some(link));
         let next = next.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));
         let own = robot.contact_points.iter().filter(|p| p.link == link).map(|p| p.local);
-        let own: Vec<Vector3<f64>> = own.filter(|p| p.norm() > 1e-3).collect();
+        let own = own.filter(|p| p.norm() > 1e-3).collect_vec();
         let middle = own.iter().sum::<Vector3<f64>>() / own.len().max(1) as f64;
-        let mut ends: Vec<_> =
-            next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect();
+        let mut ends = next.chain((!own.is_empty()).then_some(middle)).filter(|end| end.norm() > 1e-3).collect_vec();
         ends.dedup_by(|a, b| (*a - *b).norm() < 1e-6);
         ends
     };
@@ -124,7 +123,7 @@ fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
     };
     let of = |link: usize| match &ends(link)[..] {
         [] => lump(link).into_iter().collect(),
-        ends => ends.iter().map(|end| bone(link, *end)).collect::<Vec<_>>(),
+        ends => ends.iter().map(|end| bone(link, *end)).collect_vec(),
     };
     bare.flat_map(of).collect()
 }

@@ -36,7 +36,7 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
-    let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
+    let scenes = system.usual_scenes().into_iter().take(2).collect_vec();
     let mut total = 0.0;
     for scene in &scenes {
         let mut truth = config.record.truth(system).solver(system);

@@ -76,7 +76,7 @@ impl RunConfig {
         };
         let devices = mode.devices();
         if !devices.contains(&self.device) {
-            let devices = devices.iter().map(Device::to_string).collect::<Vec<_>>().join(", ");
+            let devices = devices.iter().map(Device::to_string).join(", ");
             refuse!("--device {} does not train this run: choose from {devices}", self.device);
         }
         Ok(mode)

@@ -61,10 +61,7 @@ impl Recipe {
     /// The shipped recipe `name`, overridden by `given`.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
-            refuse!(
-                "--recipe {name}: choose from {}; of your own give the file",
-                Self::names().collect::<Vec<_>>().join(", ")
-            );
+            refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().join(", "));
         };
         let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
         let recipe = Self::parse(&path, text, &Given::new())?;

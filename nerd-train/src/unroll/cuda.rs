@@ -106,7 +106,7 @@ impl CudaUnrollLearner {
         // Rollouts of one frame always start from the truth.
         let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
-        for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
+        for (ended, draw, near) in izip!(&mut self.ended, draws, nears) {
             let kept = ended.filter(|place| near != 0 && !draw.anew && place.frame + frames <= through);
             let place = kept.unwrap_or(draw.place);
             rows.extend(Cable::row(&place, kept.is_none()));
@@ -173,7 +173,7 @@ impl Recorded {
             d.wait()?;
         }
         let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..LED].iter().copied());
-        let torques: Vec<f64> = (0..motions.len()).flat_map(torques).chain([0.0]).collect();
+        let torques = (0..motions.len()).flat_map(torques).chain([0.0]).collect_vec();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
             scenes.extend(body.record(system, scene, colliders)?);

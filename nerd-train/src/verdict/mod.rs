@@ -101,7 +101,7 @@ pub fn verdict(
     let own = SolverSpec::from(truth).config(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
-    let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
+    let counts = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect_vec();
     let bar =
         bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
     let found = on_one_core(|| {

@@ -38,7 +38,7 @@ pub fn recorded(
         return Ok(None);
     }
     let system = &measured.log.system;
-    let some: Vec<_> = measured.learned.iter().step_by((measured.size()[1] / ENOUGH).max(1)).cloned().collect();
+    let some = measured.learned.iter().step_by((measured.size()[1] / ENOUGH).max(1)).cloned().collect_vec();
     let windows = tokens(system, &measured.recording(&some, FRAMES, 1)?, 1, model.config.form());
     let maps = linear::maps(model, windows);
     let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);

@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM, hidden, others};
+use crate::learner::muon::{COEFFICIENTS, ITERATIONS, MOMENTUM, hidden, others};
 use nerd_cuda::{Batch, Op};
 
 /// All hidden matrices of one shape.
@@ -37,7 +37,7 @@ impl Muon {
         others(network).into_iter().for_each(|run| entries[run].fill(0));
         let shapes = hidden.iter().map(|h| (h.rows, h.columns)).collect::<BTreeSet<_>>();
         let group = |((rows, columns), lane): ((usize, usize), Lane)| -> Result<Group, LearnError> {
-            let matrices: Vec<&Hidden> = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect();
+            let matrices = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect_vec();
             let count = matrices.len();
             let table: Vec<[i32; 4]> =
                 matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();

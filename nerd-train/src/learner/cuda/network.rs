@@ -193,7 +193,7 @@ fn source(plan: &Plan) -> (String, Vec<&'static str>) {
         (any(|op| matches!(op, Op::Gate)), include_str!("kernels/gate.cu")),
         (any(|op| matches!(op, Op::Neighbours(_))), include_str!("kernels/neighbours.cu")),
     ];
-    let texts: Vec<&'static str> = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect();
+    let texts = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect_vec();
     let constants = format!(
         "constexpr int T = {tokens}, IN = {inputs}, LDX = {padded}, OUT = {outputs}, NORM = {norm};\n\
          constexpr bool BIASED = {};\n{}\n",

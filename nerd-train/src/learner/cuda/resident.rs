@@ -177,7 +177,7 @@ impl Made {
     fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
-            stream.forget(&first.iter().enumerate().filter_map(begins).collect::<Vec<_>>())?;
+            stream.forget(&first.iter().enumerate().filter_map(begins).collect_vec())?;
         }
         self.engine.network().device.write(&self.hold, &[u32::from(hold)])
     }

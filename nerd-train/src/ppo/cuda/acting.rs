@@ -12,7 +12,7 @@ fn units(policy: &Policy) -> [f64; 2] {
 impl CudaEngine {
     /// Begins a rollout of a policy; `noise` is the stream of its first step.
     pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> Result<(), DeviceError> {
-        let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
+        let inverse = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect_vec();
         self.net.device.write(&self.weights, &policy.flat)?;
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
         self.net.device.write(&self.kept.seen[1], &inverse)?;

@@ -45,7 +45,6 @@ pub struct CudaEngine {
     shape: Shape,
     kept: Kept,
     steps: Steps,
-    /// Steps of an iteration and of a minibatch.
     sizes: [usize; 2],
     order: Buffer<u32>,
     /// Gradients with respect to the log standard deviation parameters, by row of a minibatch.
@@ -76,7 +75,7 @@ impl CudaEngine {
         // SHAC's backward pass needs all steps at once, and the bootstrap rows.
         let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
         let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
-        net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect::<Vec<_>>())?;
+        net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect_vec())?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {
             steps_episodes: true,
@@ -126,6 +125,7 @@ fn on_card(simulation: &mut Simulation) -> Result<&dyn Resident> {
     }
 }
 
+/// Steps of an iteration and of a minibatch.
 fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
 }

@@ -17,7 +17,7 @@ pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, norm
     (0..motions.len()).for_each(|i| batch.reset(i, motions.state(i, 0)));
     let mut total = 0.0;
     for frame in 0..motions.frames {
-        let torques: Vec<f64> = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect();
+        let torques = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect_vec();
         match solver.step(&mut batch, &torques) {
             Err(StepError::Environments(_)) => return Ok(f64::INFINITY),
             done => done?,
@@ -46,7 +46,7 @@ pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: 
             Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
         let mut tokens = Vec::new();
         look.tokens(chain, &before, &mut tokens);
-        let all: Vec<usize> = (0..chain.rods).collect();
+        let all = (0..chain.rods).collect_vec();
         let numbers = network.forward(&tokens, memory, Pass::Windows(chain.rods, &all));
         let after = chain.advance(&before, &look.glided, Outputs { numbers, scale });
         let off =

@@ -75,8 +75,8 @@ impl CudaShac {
         self.shac.gradient.resize(policy.flat.len(), 0.0);
         d.read(&self.engine.gradient, &mut self.shac.gradient)?;
         self.shac.earned = d.download(&way.earned)?.iter().sum();
-        let without: Vec<usize> =
-            d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect();
+        let without =
+            d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect_vec();
         if !without.is_empty() {
             way.begin_again(rolled)?;
             d.read(&self.engine.kept.rows, &mut running.stack.rows)?;
