@@ -13,7 +13,7 @@ pub(crate) use nerd_model::form::{Form, View};
 pub(crate) use nerd_model::neural::Neural;
 pub(crate) use nerd_model::normalizer::{Moments, Normalizer};
 pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass, add};
-pub(crate) use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
+pub(crate) use nerd_model::transformer::{Architecture, ForwardResult, Positions, Stream, TransformerConfig, Weights};
 pub(crate) use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording};
 pub(crate) use nerd_sim::files::hex;
 pub(crate) use nerd_sim::prelude::*;
@@ -28,7 +28,7 @@ pub(crate) use sha2::{Digest, Sha256};
 pub(crate) use crate::difference::between;
 pub(crate) use crate::error::{Error, Result, part, refuse};
 pub(crate) use crate::learner::{
-    LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
+    LearnError, LearnResult, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
 };
 pub(crate) use crate::progress::bar;
 pub(crate) use crate::stop::Stop;

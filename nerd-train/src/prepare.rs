@@ -4,6 +4,9 @@ use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
+/// Makes the solver of one thread.
+pub type MakeSolver<'a> = dyn Fn() -> Box<dyn Solver> + Sync + 'a;
+
 /// Tokens and targets of every frame of a recording, not normalised. Tokens come from sensor readings, targets from the
 /// true motion.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
@@ -69,7 +72,7 @@ pub struct Prepared {
 /// If the truth cannot step.
 pub fn generate(
     system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    solver: &MakeSolver,
     config: &GenerateConfig,
     form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
@@ -99,7 +102,7 @@ pub(crate) fn recorded<T: Send>(
 /// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.
 pub(crate) fn shard(
     system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    solver: &MakeSolver,
     config: &GenerateConfig,
     first: u64,
     count: usize,

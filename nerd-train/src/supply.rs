@@ -7,7 +7,7 @@
 use std::sync::mpsc::{Receiver, sync_channel};
 
 use crate::prelude::*;
-use crate::prepare::{normalize, shard};
+use crate::prepare::{MakeSolver, normalize, shard};
 
 /// Settings of a supply.
 pub struct SupplyConfig {
@@ -103,12 +103,7 @@ impl Supply {
     }
 }
 
-fn make(
-    system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
-    c: &SupplyConfig,
-    k: u64,
-) -> Result<Windows, DatasetError> {
+fn make(system: &Arc<System>, solver: &MakeSolver, c: &SupplyConfig, k: u64) -> Result<Windows, DatasetError> {
     let count = c.data.shard_trajectories;
     let first = c.data.trajectories() as u64 + k * count as u64;
     let (mut windows, _) = shard(system, solver, &c.data, first, count, (c.history, c.form))?;

@@ -118,6 +118,9 @@ pub enum LearnError {
 
 part!(LearnError);
 
+/// What a learner did, or why it did not.
+pub type LearnResult<T = ()> = Result<T, LearnError>;
+
 impl From<String> for LearnError {
     fn from(reason: String) -> Self {
         Self::Mismatch(reason)
@@ -133,17 +136,17 @@ pub(crate) use mismatch;
 /// Makes updates on the windows that it was given.
 pub trait Learner {
     /// Makes one update with learning rate `lr`. May return before the device is done.
-    fn update(&mut self, lr: f32) -> Result<(), LearnError>;
+    fn update(&mut self, lr: f32) -> LearnResult;
     /// Replaces trajectories from number `first` on by normalised trajectories of the same shape.
-    fn replace(&mut self, _first: usize, _fresh: &Windows) -> Result<(), LearnError> {
+    fn replace(&mut self, _first: usize, _fresh: &Windows) -> LearnResult {
         Err(LearnError::Mismatch("it learns from motions, no windows can take their places".into()))
     }
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
-    fn progress(&mut self) -> Result<Progress, LearnError>;
+    fn progress(&mut self) -> LearnResult<Progress>;
     /// Normalised MSE of the averaged weights over about `windows` validation windows, chosen by [`validation_rows`].
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
+    fn validate(&mut self, windows: usize) -> LearnResult<f32>;
     /// A copy of the state; waits for the device.
-    fn state(&mut self) -> Result<LearnerState, LearnError>;
+    fn state(&mut self) -> LearnResult<LearnerState>;
 }
 
 /// Windows of a validation, the same on every device: `wanted` of a set of `windows`, evenly spaced. The order of
@@ -161,7 +164,7 @@ impl From<nerd_cuda::DeviceError> for LearnError {
 }
 
 #[cfg(feature = "cuda")]
-impl From<LearnError> for ForwardError {
+impl From<LearnError> for nerd_model::transformer::ForwardError {
     fn from(error: LearnError) -> Self {
         Self { message: error.to_string() }
     }
@@ -175,7 +178,7 @@ impl From<LearnError> for StepError {
 }
 
 /// Refuses settings, a state or windows that do not fit the network or each other.
-fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> Result<(), LearnError> {
+fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> LearnResult {
     let network = state.weights.config;
     config.check()?;
     network.check()?;

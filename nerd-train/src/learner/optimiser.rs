@@ -84,7 +84,7 @@ impl Optimiser {
     }
 
     /// Makes one update, and counts it.
-    pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> Result<(), LearnError> {
+    pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> LearnResult {
         let norm = norm(gradient);
         if !loss.is_finite() || !norm.is_finite() {
             let loss = if loss.is_finite() { f32::NAN } else { loss };

@@ -23,7 +23,7 @@ pub trait Pass: Sync {
     /// Takes the worker back when its thread ends.
     fn rest(&self, _: Self::Worker) {}
     /// Sum of the squared errors.
-    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> LearnResult<f64>;
     /// Sum of the squared errors, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
     fn gradient(
         &self,
@@ -31,7 +31,7 @@ pub trait Pass: Sync {
         shard: Shard,
         scale: f64,
         huber: Option<f32>,
-    ) -> Result<(f64, Vec<f32>), LearnError>;
+    ) -> LearnResult<(f64, Vec<f32>)>;
 }
 
 pub struct Shard {
@@ -59,7 +59,7 @@ impl<P: Pass> Sharded<P> {
         config: LearnerConfig,
         state: LearnerState,
         sets: [Arc<Windows>; 2],
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         super::check(&config, &state, [&sets[0], &sets[1]])?;
         let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
         let [train, validation] = sets;
@@ -73,7 +73,7 @@ impl<P: Pass> Sharded<P> {
     }
 
     /// Squared error, and gradient of the loss before clipping, over the training windows `rows`.
-    pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
+    pub fn gradient(&self, rows: &[u64]) -> LearnResult<(f32, Vec<f32>)> {
         let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
         let work =
             |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
@@ -96,8 +96,8 @@ impl<P: Pass> Sharded<P> {
         weights: &Weights,
         gradients: bool,
         rows: &[u64],
-        work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
-    ) -> Result<Vec<T>, LearnError> {
+        work: impl Fn(&mut P::Worker, &[u64]) -> LearnResult<T> + Sync,
+    ) -> LearnResult<Vec<T>> {
         let shards = rows.chunks(self.shard).collect_vec();
         let next = AtomicUsize::new(0);
         let thread = || {
@@ -112,7 +112,7 @@ impl<P: Pass> Sharded<P> {
                 done.push((i, work(&mut worker, rows)?));
             }
         };
-        let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
+        let mut done = std::thread::scope(|scope| -> LearnResult<Vec<(usize, T)>> {
             // If a thread cannot be started, the others do its work.
             let other = |_| std::thread::Builder::new().spawn_scoped(scope, thread).ok();
             let others = (1..self.threads.min(shards.len())).map_while(other).collect_vec();
@@ -128,7 +128,7 @@ impl<P: Pass> Sharded<P> {
 }
 
 impl<P: Pass> Learner for Sharded<P> {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
         let LearnerConfig { batch, seed, .. } = self.optimiser.config;
         let rows = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect_vec();
@@ -136,15 +136,15 @@ impl<P: Pass> Learner for Sharded<P> {
         self.optimiser.update(lr, loss, &gradient)
     }
 
-    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+    fn replace(&mut self, first: usize, fresh: &Windows) -> LearnResult {
         Arc::make_mut(&mut self.train).replace(first, fresh).map_err(LearnError::Mismatch)
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         Ok(self.optimiser.progress())
     }
 
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, windows: usize) -> LearnResult<f32> {
         let rows = validation_rows(self.validation.len(), windows);
         let weights = self.optimiser.state.averaged();
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.squares(worker, shard(&self.validation, rows));
@@ -152,7 +152,7 @@ impl<P: Pass> Learner for Sharded<P> {
         Ok((parts.iter().sum::<f64>() / values(&self.validation, rows.len())) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         Ok(self.optimiser.state.clone())
     }
 }

@@ -28,7 +28,7 @@ pub(super) struct Draw<V> {
 
 impl<B: Body> Course<B> {
     /// Refuses motions that are shorter than a rollout.
-    pub(super) fn check(&self) -> Result<(), LearnError> {
+    pub(super) fn check(&self) -> LearnResult {
         let Self { train, validation, frames, .. } = self;
         if train.is_empty() || validation.is_empty() || train.frames < *frames || *frames == 0 {
             let (motions, long) = (train.len(), train.frames);

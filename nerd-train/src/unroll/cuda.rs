@@ -5,7 +5,7 @@
 //! are recomputed instead of stored. One captured graph holds the whole update. The host draws the starts of rollouts,
 //! and reads back which rollouts may continue.
 
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay, args};
+use nerd_cuda::{Arg, Buffer, Device, DeviceResult, Replay, args};
 use nerd_model::program::Slot;
 
 use nerd_model::chain::INPUTS;
@@ -67,7 +67,7 @@ impl CudaUnrollLearner {
         precision: Precision,
         state: LearnerState,
         course: Course<Cable>,
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         config.check()?;
         course.check()?;
         let (body, train, frames, rows) = (&course.body, &course.train, course.frames, config.batch);
@@ -100,7 +100,7 @@ impl CudaUnrollLearner {
     }
 
     /// Draws the starts of this update's rollouts; returns their rows for the device.
-    fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
+    fn drawn(&mut self) -> LearnResult<Vec<f64>> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
         let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
         // Rollouts of one frame always start from the truth.
@@ -116,17 +116,17 @@ impl CudaUnrollLearner {
     }
 
     /// Launches a kernel over all rollouts; its first arguments are rollouts and motions.
-    fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+    fn along(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
         let Recorded { frames, states, torques, scenes } = &self.motions;
         self.each(kernel, &[&args![&self.rollouts, states, torques, scenes, *frames], args].concat())
     }
 
-    fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+    fn each(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
         self.network.device.launch_blocks(kernel, self.network.rows, self.threads, args)
     }
 
     /// Computes the gradient of an update, followed by the loss.
-    fn pass(&self) -> Result<(), DeviceError> {
+    fn pass(&self) -> DeviceResult {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
         let weight = 1.0 / (self.config.batch * frames) as f64;
@@ -162,7 +162,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> LearnResult<Self> {
         let count = motions.len() * (motions.frames + 1);
         let truths = d.zeros(count * body.width())?;
         let states = motions.states();
@@ -183,7 +183,7 @@ impl Recorded {
 }
 
 impl Learner for CudaUnrollLearner {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         let rows = self.drawn()?;
         let d = &self.network.device;
         d.write(&self.rollouts, &rows)?;
@@ -195,18 +195,18 @@ impl Learner for CudaUnrollLearner {
         })
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         self.optimiser.progress(&self.network.device)
     }
 
     /// As [`super::UnrollLearner`], on the CPU.
-    fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);
         Ok(self.course.body.missed(&self.course.validation, &network, frames) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         self.optimiser.state(&self.network.device)
     }
 }

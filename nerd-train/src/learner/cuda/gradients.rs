@@ -44,12 +44,12 @@ impl FramesBack {
     }
 
     /// Queues all work on the streams of `device`.
-    pub fn join(&self, device: &Device) -> Result<(), DeviceError> {
+    pub fn join(&self, device: &Device) -> DeviceResult {
         self.network.device.join(device)
     }
 
     /// Computes the network's activations in all frames of `trail`.
-    pub fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
+    pub fn recall(&self, held: &Held, trail: Trail) -> DeviceResult {
         let rows = trail.frames * held.n;
         let tokens = self.network.at(Slot(0));
         let args = args![trail.states, trail.torques, &held.records, &held.scene_of, tokens, rows, held.n];
@@ -58,7 +58,7 @@ impl FramesBack {
     }
 
     /// Vector-Jacobian products of one frame, one gradient (row) after the other.
-    pub fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+    pub fn back(&self, held: &Held, trail: Trail, back: Back) -> DeviceResult {
         let (Self { network, weights, state, .. }, n) = (self, held.n);
         let rows = back.frame * n..(back.frame + 1) * n;
         let (d, first, by_tokens) = (&network.device, rows.start * state, &self.by_tokens);

@@ -32,11 +32,11 @@ pub(super) struct Muon {
 }
 
 impl Muon {
-    pub fn new(device: &Device, network: &TransformerConfig) -> Result<Self, LearnError> {
+    pub fn new(device: &Device, network: &TransformerConfig) -> LearnResult<Self> {
         let (hidden, mut entries) = (hidden(network).concat(), vec![1u8; network.parameters()]);
         others(network).into_iter().for_each(|run| entries[run].fill(0));
         let shapes = hidden.iter().map(|h| (h.rows, h.columns)).collect::<BTreeSet<_>>();
-        let group = |((rows, columns), lane): ((usize, usize), Lane)| -> Result<Group, LearnError> {
+        let group = |((rows, columns), lane): ((usize, usize), Lane)| -> LearnResult<Group> {
             let matrices = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect_vec();
             let count = matrices.len();
             let table: Vec<[i32; 4]> =
@@ -64,7 +64,7 @@ impl Muon {
 
     /// Updates all hidden matrices, after the main stream's work so far. `vectors`: addresses of weights, gradients,
     /// momentum, average.
-    pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
+    pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> DeviceResult {
         d.mark(Lane::Main, &self.fork)?;
         d.after(Lane::Side, &self.fork)?;
         self.groups.iter().try_for_each(|g| g.update(d, vectors, scalars))?;
@@ -74,7 +74,7 @@ impl Muon {
 }
 
 impl Group {
-    fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
+    fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> DeviceResult {
         let (r, c, n) = (self.rows, self.columns, self.count);
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;

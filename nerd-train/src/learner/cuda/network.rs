@@ -49,7 +49,7 @@ pub(super) struct BackwardMemory {
 
 impl Network {
     /// Opens the GPU and allocates memory. `train` adds memory for the backward pass.
-    pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
+    pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> LearnResult<Self> {
         let layout = plan.layout(train);
         // Kernels, products and launches count entries and blocks in 31 bits.
         let warps = plan.attention.map_or(32, |a| 32 * a.heads);
@@ -90,7 +90,7 @@ impl Network {
             chosen: chosen
                 .into_iter()
                 .map(|slot| Ok((slot, zeros(rows * plan.width(slot))?)))
-                .collect::<Result<_, DeviceError>>()?,
+                .collect::<DeviceResult<_>>()?,
             folded: zeros(plan.folded)?,
             folds: device.upload(&plan.folds)?,
             rotations: device.upload(&plan.attention.map_or(Vec::new(), |a| a.rotations(&plan.program.frequencies)))?,
@@ -113,7 +113,7 @@ impl Network {
         rows: usize,
         precision: Precision,
         train: bool,
-    ) -> Result<(Self, Buffer<f32>), LearnError> {
+    ) -> LearnResult<(Self, Buffer<f32>)> {
         let parameters = plan.parameters();
         if flat.len() != parameters {
             mismatch!("{} weights for a network of {parameters}", flat.len());
@@ -131,7 +131,7 @@ impl Network {
 
     /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. There a window has memory for all its tokens, and
     /// rows are padded. The rest of slot 0 keeps its values.
-    pub fn load(&mut self, inputs: &[f32], tokens: usize) -> Result<(), DeviceError> {
+    pub fn load(&mut self, inputs: &[f32], tokens: usize) -> DeviceResult {
         let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
         for (window, staged) in inputs.chunks_exact(tokens * width).zip(self.staging.chunks_exact_mut(all * padded)) {
@@ -165,16 +165,16 @@ impl Network {
     }
 
     /// Folds the scales of the parameters at `w` into the matrices behind them.
-    pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
+    pub fn fold(&self, w: u64) -> DeviceResult {
         self.each_fold("fold", &args![w, &self.folded, &self.folds])
     }
 
     /// Turns gradients at `g` with respect to folded matrices into gradients of matrices and scales.
-    pub(super) fn unfold(&self, w: u64, g: u64) -> Result<(), DeviceError> {
+    pub(super) fn unfold(&self, w: u64, g: u64) -> DeviceResult {
         self.each_fold("unfold", &args![w, g, &self.folds])
     }
 
-    fn each_fold(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+    fn each_fold(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
         if self.folds.len == 0 { Ok(()) } else { self.device.launch_blocks(kernel, self.folds.len, 128, args) }
     }
 }

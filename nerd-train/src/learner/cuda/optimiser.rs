@@ -46,7 +46,7 @@ pub(crate) struct Optimiser {
 
 impl Optimiser {
     /// Resumes `state`. `beta` is Adam's second.
-    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> Result<Self, LearnError> {
+    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> LearnResult<Self> {
         let (shape, scalars) =
             (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
         let muon = match config.optimizer {
@@ -75,7 +75,7 @@ impl Optimiser {
 
     /// Makes an update from the gradients. The number behind them times `mean` is the loss: a sum of squared errors, or
     /// a chain's loss.
-    pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
+    pub fn update(&self, d: &Device, mean: f32) -> LearnResult {
         let Self { weights, average, gradients, m, v, norms, scalars, muon, config, beta, .. } = self;
         let p = weights.len;
         d.launch_blocks("square_partial", NORM_BLOCKS, 256, &args![gradients, p, norms])?;
@@ -91,7 +91,7 @@ impl Optimiser {
         muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, scalars.ptr)?))
     }
 
-    pub fn set_lr(&mut self, d: &Device, lr: f32) -> Result<(), LearnError> {
+    pub fn set_lr(&mut self, d: &Device, lr: f32) -> LearnResult {
         if lr.to_bits() != self.lr.to_bits() {
             d.set_word(self.scalars.ptr + offset_of!(Scalars, lr) as u64, lr.to_bits())?;
             self.lr = lr;
@@ -99,7 +99,7 @@ impl Optimiser {
         Ok(())
     }
 
-    pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
+    pub fn progress(&self, d: &Device) -> LearnResult<Progress> {
         let s = d.download(&self.scalars)?[0];
         if s.bad_step != u64::MAX {
             return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
@@ -109,7 +109,7 @@ impl Optimiser {
         Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
     }
 
-    pub fn state(&self, d: &Device) -> Result<LearnerState, LearnError> {
+    pub fn state(&self, d: &Device) -> LearnResult<LearnerState> {
         let weights = Weights { config: self.shape, flat: d.download(&self.weights)? };
         let (average, m, v) = (d.download(&self.average)?, d.download(&self.m)?, d.download(&self.v)?);
         Ok(LearnerState { step: d.download(&self.scalars)?[0].step, weights, average, m, v })

@@ -12,7 +12,7 @@ use super::network::SUMS;
 use super::*;
 
 /// Computes an attention, from its number in the program and the addresses of `[q k v]` and of the output.
-pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
+pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> DeviceResult;
 
 /// Sizes of a product `x W`: rows of x, columns of x, columns of W.
 #[derive(Clone, Copy)]
@@ -39,12 +39,12 @@ pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
 
 impl Network {
     /// Values of all slots over `rows` windows, as the backward pass needs them.
-    pub fn forward(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn forward(&self, w: u64, rows: usize) -> DeviceResult {
         self.forward_from(self.at(Slot(0)), w, rows)
     }
 
     /// Like [`Network::forward`], for tokens at another address, padded as in slot 0.
-    pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> DeviceResult {
         let mut at = self.addresses();
         at[0] = tokens;
         self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| {
@@ -53,7 +53,7 @@ impl Network {
     }
 
     /// Predictions for all tokens of `rows` windows. A fused kernel, if there is one, fills no other slot.
-    pub fn predict(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn predict(&self, w: u64, rows: usize) -> DeviceResult {
         if let Some(whole) = &self.whole {
             let args = args![w, self.at(Slot(0)), self.predictions(), rows];
             let blocks = (rows.div_ceil(whole.windows), 1);
@@ -63,7 +63,7 @@ impl Network {
     }
 
     /// Predictions for one token of each window. The array at `tokens` has its index in the window.
-    pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> Result<(), DeviceError> {
+    pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> DeviceResult {
         if self.whole.is_some() && self.plan.tokens == 1 {
             return self.predict(w, rows);
         }
@@ -79,14 +79,7 @@ impl Network {
     }
 
     /// Runs some parts over `n` rows of slots. `at` has the slots' addresses.
-    pub(super) fn run(
-        &self,
-        w: u64,
-        parts: Range<usize>,
-        at: &[u64],
-        n: usize,
-        attend: Attend,
-    ) -> Result<(), DeviceError> {
+    pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> DeviceResult {
         let plan = &self.plan;
         let optional = |weight: Option<Weight>| weight.map_or(0, |weight| self.tensor(w, weight));
         let (mut attentions, mut shift) = (0, [0; 2]);
@@ -119,7 +112,7 @@ impl Network {
 
     /// Runs step number `i` of the parts, from `n` rows at `x` to rows at `y`. `shift` (bias and positions) is added to
     /// x first.
-    fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [u64; 2]) -> Result<(), DeviceError> {
+    fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [u64; 2]) -> DeviceResult {
         let (d, from, to) = (&self.device, self.plan.width(step.from), self.plan.width(step.to));
         match step.op {
             Op::Norm => {
@@ -145,14 +138,7 @@ impl Network {
     /// `y = x W + beta y`, with rows of x `stride` apart.
     ///
     /// cuBLAS is column-major and sees every array transposed, so it computes `y^T = W^T x^T`.
-    pub(super) fn linear(
-        &self,
-        (x, stride): (u64, usize),
-        w: u64,
-        y: u64,
-        size: Size,
-        beta: f32,
-    ) -> Result<(), DeviceError> {
+    pub(super) fn linear(&self, (x, stride): (u64, usize), w: u64, y: u64, size: Size, beta: f32) -> DeviceResult {
         let Size { rows, inner, columns } = size;
         let shape = (columns, rows, inner);
         self.device.product(
@@ -166,13 +152,13 @@ impl Network {
         )
     }
 
-    fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {
+    fn attention(&self, windows: usize, qkv: u64, out: u64) -> DeviceResult {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
     }
 
     /// Loss of the first `n` tokens, a mean over `all` tokens ([`crate::learner::LearnerConfig::huber`]). Its gradient
     /// replaces the targets. The sum of squared errors goes behind the gradient vector at `g`.
-    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
+    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> DeviceResult {
         let outputs = self.plan.outputs();
         let (scale, bend) = (2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip()));
         let blocks = (n * outputs).div_ceil(256).min(LOSS_BLOCKS);
@@ -190,7 +176,7 @@ impl Network {
         width: usize,
         bias: Option<u64>,
         positions: Option<u64>,
-    ) -> Result<(), DeviceError> {
+    ) -> DeviceResult {
         let tokens = self.plan.tokens;
         let (rows, columns) = if positions.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
         let chunks = rows.min(SUMS / columns).clamp(1, CHUNKS);
@@ -207,7 +193,7 @@ impl Network {
         }
     }
 
-    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), DeviceError> {
+    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> DeviceResult {
         self.device.launch("column_sum", (width.div_ceil(32), 1), (32, 8), 0, &args![src, rows, width, out])
     }
 }

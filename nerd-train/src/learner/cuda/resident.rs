@@ -116,7 +116,7 @@ impl Motion for Frames {
         self.made.as_ref().map(|made| &made.engine.network().device)
     }
 
-    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
+    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> DeviceResult {
         let Some(made) = &mut self.made else { return Ok(()) };
         made.follow(first, hold)?;
         let device = &made.engine.network().device;
@@ -126,7 +126,7 @@ impl Motion for Frames {
         made.remember(held, first)
     }
 
-    fn follow(&mut self, first: &[u64]) -> Result<(), DeviceError> {
+    fn follow(&mut self, first: &[u64]) -> DeviceResult {
         let Some(made) = &mut self.made else { return Ok(()) };
         made.follow(first, true)?;
         made.next.fill(u64::MAX);
@@ -140,7 +140,7 @@ impl Motion for Frames {
         }
     }
 
-    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
+    fn frame(&self, held: &Held) -> DeviceResult {
         self.made.as_ref().map_or(Ok(()), |made| made.go(held))
     }
 
@@ -157,11 +157,11 @@ impl Motion for Frames {
         Ok(made.back.insert(back).join(&made.engine.network().device)?)
     }
 
-    fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
+    fn recall(&self, held: &Held, trail: Trail) -> DeviceResult {
         self.made.iter().flat_map(|made| &made.back).try_for_each(|back| back.recall(held, trail))
     }
 
-    fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+    fn back(&self, held: &Held, trail: Trail, back: Back) -> DeviceResult {
         self.made.iter().flat_map(|made| &made.back).try_for_each(|all| all.back(held, trail, back))
     }
 
@@ -174,7 +174,7 @@ impl Motion for Frames {
 
 impl Made {
     /// Clears the memory of environments that `first` does not continue. `hold`: torques are constant over the frames.
-    fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
+    fn follow(&mut self, first: &[u64], hold: bool) -> DeviceResult {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
             stream.forget(&first.iter().enumerate().filter_map(begins).collect_vec())?;
@@ -183,7 +183,7 @@ impl Made {
     }
 
     /// Stores the number of the frame that would continue each environment.
-    fn remember(&mut self, held: &Held, first: &[u64]) -> Result<(), DeviceError> {
+    fn remember(&mut self, held: &Held, first: &[u64]) -> DeviceResult {
         let Engine::Stream(CudaStream { network: Network { device, .. }, .. }) = &self.engine else { return Ok(()) };
         let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
         for (env, next) in self.next.iter_mut().enumerate() {
@@ -193,13 +193,13 @@ impl Made {
     }
 
     /// One frame; launched as a graph from the second call on.
-    fn go(&self, held: &Held) -> Result<(), DeviceError> {
+    fn go(&self, held: &Held) -> DeviceResult {
         self.replay
             .run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
     /// Launches the kernels of one frame.
-    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
+    fn frame(&self, held: &Held) -> DeviceResult {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
         let (network, n, hold) = (self.engine.network(), *n, &self.hold);
         let (tokens, predictions) = (network.at(Slot(0)), network.predictions());

@@ -11,7 +11,7 @@ fn units(policy: &Policy) -> [f64; 2] {
 
 impl CudaEngine {
     /// Begins a rollout of a policy; `noise` is the stream of its first step.
-    pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> Result<(), DeviceError> {
+    pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> DeviceResult {
         let inverse = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect_vec();
         self.net.device.write(&self.weights, &policy.flat)?;
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
@@ -24,7 +24,7 @@ impl CudaEngine {
 
     /// Evaluates the network with the weights at `weights` on `count` rows at `rows`; writes normalised rows to
     /// `inputs`.
-    pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
+    pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> DeviceResult {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = args![rows, mean, inverse, inputs, count * width, width, self.net.plan.padded];
         self.over("normalize", count * width, &args)?;
@@ -32,7 +32,7 @@ impl CudaEngine {
     }
 
     /// Writes the values of the last evaluation to `to`, at the indices in `which` (0: in order).
-    pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
+    pub(super) fn value(&self, which: u64, to: u64, count: usize) -> DeviceResult {
         let (said, units) = (self.net.predictions(), &self.kept.units);
         self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
     }
@@ -48,7 +48,7 @@ impl CudaEngine {
 
     /// Samples the actions of step t from the observations on the device; the noise is stream `later` after the one in
     /// `kept.noise`.
-    pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
+    pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> DeviceResult {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
         self.ask(
@@ -68,7 +68,7 @@ impl CudaEngine {
 
     /// Values, by the weights at `weights`, of the states after the last step and of final states of truncated
     /// episodes.
-    pub(super) fn reached(&self, weights: u64) -> Result<(), DeviceError> {
+    pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;
         let (width, padded, most) = (self.shape.inputs(), self.net.plan.padded, self.net.rows / n * n);
@@ -80,7 +80,7 @@ impl CudaEngine {
     }
 
     /// Computes advantages and returns from values on the device.
-    pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
+    pub(super) fn finished(&self, config: &PpoConfig) -> DeviceResult {
         let Kept { environments: n, horizon, rewards, ends, values, both, .. } = &self.kept;
         let args = args![rewards, ends, values, self.kept.cut(0), both, *n, *horizon, config.gamma, LAMBDA];
         self.over("gae", *n, &args)
@@ -124,7 +124,7 @@ impl CudaEngine {
     }
 
     /// Downloads the last rollout, for inspection before an update.
-    pub fn rollout(&self) -> Result<Rollout, DeviceError> {
+    pub fn rollout(&self) -> DeviceResult<Rollout> {
         let (Kept { horizon, environments, observations, values, both, .. }, d) = (&self.kept, &self.net.device);
         let (Steps { neg_log_prob, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
         values.truncate(horizon * environments);

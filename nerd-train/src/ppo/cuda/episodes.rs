@@ -115,12 +115,12 @@ impl CudaEpisodes {
 }
 
 impl Exchange {
-    fn offer(&self, actions: u64) -> Result<(), DeviceError> {
+    fn offer(&self, actions: u64) -> DeviceResult {
         let (all, n) = (self.actions.len, self.ends.len);
         self.device.launch_each("offer", all.max(n), THREADS, &args![actions, &self.actions, &self.cuts, all, n])
     }
 
-    fn show(&self) -> Result<(), DeviceError> {
+    fn show(&self) -> DeviceResult {
         let Shown { observations, reached, rewards, terminated, truncated } = &*self.shown;
         let Self { device, rows, cut, ends, .. } = self;
         let read = args![rows, cut, &self.rewards, ends];
@@ -128,7 +128,7 @@ impl Exchange {
         device.launch_each("show", rows.len, THREADS, &[&read[..], &written].concat())
     }
 
-    fn begin(&self, observations: &[f64]) -> Result<(), DeviceError> {
+    fn begin(&self, observations: &[f64]) -> DeviceResult {
         self.device.write(&self.rows, observations)?;
         self.device.write(&self.rewards, &vec![0.0; self.rewards.len])?;
         self.device.write(&self.ends, &vec![0; self.ends.len])?;

@@ -38,7 +38,7 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    pub fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> Result<Self, DeviceError> {
+    pub fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> DeviceResult<Self> {
         let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
         let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
         Ok(Self {
@@ -65,7 +65,7 @@ impl Kept {
     }
 
     /// Allocates bootstrap rows for `slots` truncated episodes per environment.
-    pub fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
+    pub fn slots(&mut self, net: &Network, slots: usize) -> DeviceResult {
         if self.slots < slots {
             let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
             (self.rows, self.inputs) =
@@ -95,7 +95,7 @@ pub(super) struct Steps {
 
 impl Steps {
     /// For `n` steps, with `padded` inputs and `action` actions each.
-    pub fn new(device: &Device, n: usize, padded: usize, action: usize) -> Result<Self, DeviceError> {
+    pub fn new(device: &Device, n: usize, padded: usize, action: usize) -> DeviceResult<Self> {
         let zeros = |width: usize| device.zeros(n * width);
         Ok(Self {
             inputs: zeros(padded)?,

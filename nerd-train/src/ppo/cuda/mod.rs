@@ -12,7 +12,7 @@ mod world;
 
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Precision, Replay, args};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, DeviceResult, Precision, Replay, args};
 use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail};
 use nerd_sim::rig::LATEST;
 use nerd_sim::solver::Fault;
@@ -106,7 +106,7 @@ impl CudaEngine {
         matches!(self.world, Some(Some(_)))
     }
 
-    fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
+    fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> DeviceResult {
         self.net.device.launch_each(kernel, entries, THREADS, args)
     }
 

@@ -8,7 +8,7 @@ use crate::ppo::update::GRADIENT_NORM;
 
 impl CudaEngine {
     /// One minibatch: `rows` steps of the permutation from `first` on.
-    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> Result<(), DeviceError> {
+    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> DeviceResult {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
         let Steps { inputs, advantages, value_targets, values, neg_log_prob, actions, means, spreads } = &self.steps;
@@ -36,7 +36,7 @@ impl CudaEngine {
     }
 
     /// All minibatches of one pass; replays a captured graph from the second pass with the same settings on.
-    fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
+    fn pass(&self, config: &PpoConfig) -> DeviceResult {
         self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();
             let mut firsts = (0..steps).step_by(config.minibatch);

@@ -28,7 +28,7 @@ impl CudaEngine {
         Ok(RolloutStats { failed: world.end(resident)?, ended: self.ended(running)?, ..RolloutStats::default() })
     }
 
-    fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> Result<(), DeviceError> {
+    fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> DeviceResult {
         let (n, width, kept) = (self.kept.environments, self.shape.inputs(), &self.kept);
         self.drawn(t, (noise, t))?;
         let next = if t + 1 == kept.horizon { kept.rows.ptr } else { kept.observations.at((t + 1) * n * width) };
@@ -39,7 +39,7 @@ impl CudaEngine {
     }
 
     /// Episodes that ended, with their returns and lengths.
-    fn ended(&self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
+    fn ended(&self, running: &mut Running) -> DeviceResult<Vec<Ended>> {
         let (n, d) = (self.kept.environments, &self.net.device);
         let (rewards, ends) = (d.download(&self.kept.rewards)?, d.download(&self.kept.ends)?);
         d.read(&self.kept.rows, &mut running.stack.rows)?;

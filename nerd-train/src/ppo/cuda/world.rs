@@ -75,7 +75,7 @@ impl World {
         }
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
-        let make = || -> Result<Self, DeviceError> {
+        let make = || -> DeviceResult<Self> {
             let kernels = if back.is_some() { &KERNELS[..] } else { &KERNELS[..2] };
             let device = Device::open(&text, kernels)?;
             device.join(beside)?;
@@ -138,12 +138,12 @@ impl World {
         1 + (steps.saturating_sub(1) as u64 / self.length) as usize
     }
 
-    fn launch(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+    fn launch(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
         self.device.launch_each(kernel, self.n, BLOCK, &[&args![&self.fields], args].concat())
     }
 
     /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
-    pub fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
+    pub fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> DeviceResult {
         for frame in 0..self.step {
             let [states, torques, goals] = self.past.place(t * self.step + frame);
             self.launch("task_act", &args![actions, frame, states, torques, goals])?;
@@ -175,7 +175,7 @@ impl World {
     }
 
     /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
-    pub fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
+    pub fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> DeviceResult {
         let args = [&args![&self.fields, steps], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
@@ -233,7 +233,7 @@ impl Past {
         [self.states.at(states), self.torques.at(torques), self.goals.at(goals)]
     }
 
-    fn take(&mut self, device: &Device, kept: &Snapshot) -> Result<(), DeviceError> {
+    fn take(&mut self, device: &Device, kept: &Snapshot) -> DeviceResult {
         self.known = kept.past_states.len().checked_div(self.sizes[0]).unwrap_or(0).min(self.most);
         // Fill the end of the ring, so that the next rollout begins at index 0.
         let first = self.room - self.known;
@@ -242,7 +242,7 @@ impl Past {
         device.write_at(&self.torques, first * self.sizes[1], &kept.past_torques)
     }
 
-    fn give(&self, device: &Device, kept: &mut Snapshot) -> Result<(), DeviceError> {
+    fn give(&self, device: &Device, kept: &mut Snapshot) -> DeviceResult {
         let [states, torques] = [device.download(&self.states)?, device.download(&self.torques)?];
         for frame in self.count - self.known..self.count {
             let part = |of: &[f64], size: usize| of[frame % self.room * size..][..size].to_vec();

@@ -45,7 +45,7 @@ pub(super) struct Rolled<'a> {
 }
 
 impl BackwardPass {
-    pub fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> Result<Self, DeviceError> {
+    pub fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> DeviceResult<Self> {
         let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
         let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
         let steps = n * kept.horizon;
@@ -97,12 +97,12 @@ impl BackwardPass {
     }
 
     /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
-    pub fn value(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn value(&self, of: Rolled) -> DeviceResult {
         self.replays[0].run(&of.engine.net.device, "values", (), || self.values(of))
     }
 
     /// Evaluates policy and solver again at all steps, as preparation of `back`.
-    pub fn recall(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn recall(&self, of: Rolled) -> DeviceResult {
         let Rolled { engine, world, resident, .. } = of;
         let (net, kept) = (&engine.net, &engine.kept);
         self.replays[1].run(&net.device, "recall", (), || {
@@ -112,11 +112,11 @@ impl BackwardPass {
     }
 
     /// Computes the gradient of `-J` with respect to the policy's parameters.
-    pub fn back(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn back(&self, of: Rolled) -> DeviceResult {
         self.replays[2].run(&of.engine.net.device, "way back", (), || self.through(of))
     }
 
-    fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> Result<(), DeviceError> {
+    fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> DeviceResult {
         let (net, kept) = (&engine.net, &engine.kept);
         let (n, a, steps, rows) = (
             kept.environments,
@@ -136,7 +136,7 @@ impl BackwardPass {
         engine.finished(config)
     }
 
-    fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> Result<(), DeviceError> {
+    fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> DeviceResult {
         let (net, n, horizon, frames) = (&engine.net, engine.kept.environments, engine.kept.horizon, world.frames());
         let (weights, steps, trail) = (engine.weights.ptr, self.fields.ptr, world.trail().0);
         let [slope, by_torques] = [self.slope.ptr, self.pushed.ptr];
@@ -160,7 +160,7 @@ impl BackwardPass {
     }
 
     /// Begins the next episode in environments without gradients, and writes its observation.
-    pub fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn begin_again(&self, of: Rolled) -> DeviceResult {
         of.world.back("task_begin_again", 1, self.fields.ptr, &args![&of.engine.kept.rows])
     }
 }

@@ -62,7 +62,7 @@ impl CudaShac {
         let rolled =
             Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
         for (name, go) in [
-            ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> Result<(), DeviceError>),
+            ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> DeviceResult),
             ("recall", BackwardPass::recall),
             ("way back", BackwardPass::back),
         ] {
