@@ -240,6 +240,16 @@ impl Device {
         self.launch_on(Lane::Main, kernel, grid, block, shared, args)
     }
 
+    /// Launches a kernel on the main stream, in `blocks` of `threads` along x.
+    pub fn launch_blocks(&self, kernel: &str, blocks: usize, threads: usize, args: &[Arg]) -> Result<(), DeviceError> {
+        self.launch(kernel, (blocks, 1), (threads, 1), 0, args)
+    }
+
+    /// Launches a kernel on the main stream, with a thread for each of `count` entries, in blocks of `threads`.
+    pub fn launch_each(&self, kernel: &str, count: usize, threads: usize, args: &[Arg]) -> Result<(), DeviceError> {
+        self.launch_blocks(kernel, count.div_ceil(threads), threads, args)
+    }
+
     /// Launches a kernel on `lane`, with `shared` bytes of dynamic shared memory.
     pub fn launch_on(
         &self,
@@ -301,6 +311,28 @@ fn present(name: &str, found: bool) -> Result<(), DeviceError> {
         DeviceError(format!("the CUDA {name} was not found by the dynamic loader; is its folder in LD_LIBRARY_PATH?"))
     };
     found.then_some(()).ok_or_else(missing)
+}
+
+/// The arguments of a kernel, in its order: addresses, buffers, whole numbers, f32 and f64, by their types.
+#[macro_export]
+macro_rules! args {
+    ($($x:expr),* $(,)?) => { [$($crate::Arg::from($x)),*] };
+}
+
+macro_rules! from {
+    ($($type:ty => $kind:ident),+) => { $(impl From<$type> for Arg {
+        fn from(x: $type) -> Self {
+            Self::$kind(x)
+        }
+    })+ };
+}
+
+from!(u64 => Ptr, usize => Int, f32 => Float, f64 => Double);
+
+impl<T> From<&Buffer<T>> for Arg {
+    fn from(buffer: &Buffer<T>) -> Self {
+        Self::Ptr(buffer.ptr)
+    }
 }
 
 impl Arg {

@@ -5,6 +5,9 @@
 #[error("device: {0}")]
 pub struct DeviceError(pub String);
 
+/// What a device did, or why it did not.
+pub type DeviceResult<T = ()> = Result<T, DeviceError>;
+
 pub(crate) fn failed<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> DeviceError {
     move |e| DeviceError(format!("{what}: {e:?}"))
 }

@@ -16,7 +16,7 @@ mod products;
 pub use beside::Beside;
 pub use cudarc::driver::CudaEvent as Event;
 pub use device::{Arg, Device, Extent, Foreseen, Lane};
-pub use error::DeviceError;
+pub use error::{DeviceError, DeviceResult};
 pub use graph::Replay;
 pub use memory::Buffer;
 pub use precision::Precision;

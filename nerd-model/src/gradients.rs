@@ -20,6 +20,7 @@ use nerd_core::{dynamics::velocities, frames::own_velocity};
 use crate::features::{Features, nearness_gradient, waves};
 use crate::form::View;
 use crate::prelude::*;
+use crate::program::cpu::add;
 
 /// The arguments of a token.
 pub struct Seen<'a> {
@@ -50,7 +51,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     // In its own frame the root has a constant pose.
     take(robot.root_coords());
     let by_angles = take(joints);
-    gradient[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += *g);
+    add(&mut gradient[nv..], take(nv));
     let ends: Vec<usize> = robot.joints().map(|joint| if moving { waves(joint) } else { 0 }).collect();
     let mut end = &by_token[by_token.len() - ends.iter().sum::<usize>()..];
     for (i, (count, by)) in ends.into_iter().zip(by_angles).enumerate() {
@@ -177,5 +178,5 @@ pub fn apply_back(
     by_change[nq..nq + 3].copy_from_slice(by_own.as_slice());
     by_change[nq + 3..nq + 6].copy_from_slice(by_speed.as_slice());
     let parts = [(0, n * by_turn + d.cross(&by_x)), (3, by_x), (nv, by_own), (nv + 3, by_speed)];
-    parts.iter().for_each(|(at, g)| gradient[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
+    parts.iter().for_each(|(at, g)| add(&mut gradient[*at..at + 3], g.as_slice()));
 }

@@ -71,7 +71,7 @@ fn product(factors: &[(&str, usize)]) -> u128 {
 }
 
 fn words(factors: &[(&str, usize)]) -> String {
-    factors.iter().map(|(option, n)| format!("{option} {n}")).collect::<Vec<_>>().join(" x ")
+    factors.iter().map(|(option, n)| format!("{option} {n}")).join(" x ")
 }
 
 fn size(bytes: u128) -> DecimalBytes {

@@ -122,8 +122,7 @@ impl Best {
 
 /// SHA-256 of the weights, as lower-case hex.
 fn hash(weights: &Weights) -> String {
-    let bytes: Vec<u8> = weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect();
-    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
+    hex(Sha256::digest(weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect_vec()))
 }
 
 fn json(config: &TransformerConfig) -> String {

@@ -1,5 +1,6 @@
 //! Errors of this crate.
 
+use nerd_model::chain::NoChain;
 use nerd_model::folder::ModelError;
 use nerd_sim::files::FileError;
 use nerd_tasks::TaskError;
@@ -24,6 +25,12 @@ pub enum Error {
 
 /// The `Result` of this crate.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+impl From<String> for Error {
+    fn from(reason: String) -> Self {
+        Self::Refused(reason)
+    }
+}
 
 impl Error {
     /// An error about the file at `path`, for `map_err`.
@@ -52,6 +59,6 @@ macro_rules! part {
 use crate::prelude::*;
 pub(crate) use part;
 
-part!(SystemError, StepError, ModelError, TaskError, DatasetError);
+part!(SystemError, StepError, ModelError, NoChain, TaskError, DatasetError);
 #[cfg(feature = "cuda")]
 part!(nerd_cuda::DeviceError);

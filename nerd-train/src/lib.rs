@@ -13,6 +13,7 @@ pub mod device;
 pub mod difference;
 pub mod error;
 pub mod evaluate;
+mod files;
 pub mod learner;
 pub mod measured;
 pub mod onnx;

@@ -99,7 +99,7 @@ impl Measured {
             hash.update((trajectory.states.len() as u64).to_le_bytes());
             trajectory.states.iter().chain(&trajectory.torques).flatten().for_each(|x| hash.update(x.to_le_bytes()));
         }
-        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = hex(hash.finalize());
         let (all, by_rule) = (log.trajectories.clone(), held_out.is_empty());
         let (rest, held_out) = match held_out {
             [] => parted(all, HELD_OUT),
@@ -111,7 +111,7 @@ impl Measured {
 
     /// The held-out trajectories in words, for a card.
     pub fn held_out(&self) -> String {
-        let mut ids: Vec<u64> = self.held_out.iter().map(|t| t.id).collect();
+        let mut ids = self.held_out.iter().map(|t| t.id).collect_vec();
         ids.dedup();
         if self.learned.iter().any(|t| ids.contains(&t.id)) {
             return format!("the last 1/{HELD_OUT} of each trajectory");
@@ -119,7 +119,7 @@ impl Measured {
         if self.by_rule && ids.len() > NAMED {
             return format!("every {HELD_OUT}th trajectory, {} in all", ids.len());
         }
-        ids.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+        ids.iter().map(u64::to_string).join(", ")
     }
 
     /// Trajectories and frames in the training part.
@@ -130,7 +130,7 @@ impl Measured {
     /// Cuts a part into pieces of about `length` frames. At least 99 % of all sequences of `sequence` frames lie in a
     /// piece.
     pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
-        let mut lengths: Vec<usize> = part.iter().map(frames).filter(|n| *n >= sequence).collect();
+        let mut lengths = part.iter().map(frames).filter(|n| *n >= sequence).collect_vec();
         lengths.sort_unstable();
         let windows = |n: &usize| n + 1 - sequence;
         let mut left = lengths.iter().map(windows).sum::<usize>() / LOST;
@@ -158,7 +158,7 @@ impl Measured {
             let last = (t.states.len() - 1).checked_sub(length);
             last.into_iter().flat_map(move |last| (0..=last).step_by(every.max(1)).map(move |first| (k, first)))
         });
-        let starts: Vec<(usize, usize)> = starts.collect();
+        let starts = starts.collect_vec();
         if starts.is_empty() {
             let longest = part.iter().map(self::frames).max().unwrap_or(0);
             refuse!(
@@ -181,11 +181,11 @@ impl Measured {
         [before, frames]: [usize; 2],
         most: usize,
     ) -> Result<Pieces> {
-        let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
+        let starts = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect_vec();
         let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
             (0..count)
-                .map(|frame| starts.iter().flat_map(|(k, first)| of(&part[*k], first + frame)).collect::<Vec<f64>>())
-                .collect::<Vec<_>>()
+                .map(|frame| starts.iter().flat_map(|(k, first)| of(&part[*k], first + frame)).collect_vec())
+                .collect_vec()
         };
         Ok(Pieces {
             system: self.log.system.clone(),
@@ -207,7 +207,7 @@ impl Measured {
         frames: Option<usize>,
         most: usize,
     ) -> Result<(Pieces, Vec<Vec<f64>>)> {
-        let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
+        let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect_vec();
         let others: HashMap<Vec<u64>, &Trajectory> =
             other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
         let times = [other.system.frame_time, self.log.system.frame_time];
@@ -227,7 +227,7 @@ impl Measured {
         let there = |(k, first): &(usize, usize)| {
             others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames)
         };
-        let starts: Vec<(usize, usize)> = starts.filter(there).map(|(k, first)| (k, first - before)).collect();
+        let starts = starts.filter(there).map(|(k, first)| (k, first - before)).collect_vec();
         if starts.is_empty() {
             refuse!(
                 "--beside: none of its trajectories has {frames} frames from a state that was held out, {before} frames or more after its trajectory's start"
@@ -235,8 +235,7 @@ impl Measured {
         }
         let pieces = self.cut(&self.held_out, &starts, [before, frames], most)?;
         let d = self.log.system.robot.state_dim();
-        let of: Vec<&Trajectory> =
-            pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect();
+        let of = pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect_vec();
         let states = (1..=frames).map(|frame| of.iter().flat_map(|t| t.states[frame].clone()).collect()).collect();
         Ok((pieces, states))
     }
@@ -279,7 +278,7 @@ impl Measured {
 }
 
 fn median(lengths: impl Iterator<Item = usize>) -> usize {
-    let mut lengths: Vec<usize> = lengths.collect();
+    let mut lengths = lengths.collect_vec();
     lengths.sort_unstable();
     lengths.get(lengths.len() / 2).copied().unwrap_or(0)
 }
@@ -290,7 +289,7 @@ fn frames(trajectory: &Trajectory) -> usize {
 
 /// Sets apart every `every`-th name; with fewer names, the last `1 / every` of each trajectory.
 fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajectory>) {
-    let mut ids: Vec<u64> = all.iter().map(|t| t.id).collect();
+    let mut ids = all.iter().map(|t| t.id).collect_vec();
     ids.dedup();
     if ids.len() >= every {
         let apart = |id: u64| ids.binary_search(&id).is_ok_and(|k| k % every == every - 1);

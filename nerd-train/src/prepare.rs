@@ -4,6 +4,9 @@ use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
+/// Makes the solver of one thread.
+pub type MakeSolver<'a> = dyn Fn() -> Box<dyn Solver> + Sync + 'a;
+
 /// Tokens and targets of every frame of a recording, not normalised. Tokens come from sensor readings, targets from the
 /// true motion.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
@@ -69,7 +72,7 @@ pub struct Prepared {
 /// If the truth cannot step.
 pub fn generate(
     system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    solver: &MakeSolver,
     config: &GenerateConfig,
     form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
@@ -86,7 +89,7 @@ pub(crate) fn recorded<T: Send>(
 ) -> Result<Vec<T>, DatasetError> {
     config.check(system)?;
     let starts = (0..config.trajectories()).step_by(config.shard_trajectories);
-    let starts: Vec<usize> = starts.collect();
+    let starts = starts.collect_vec();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
         let done = make(first as u64, count)?;
@@ -99,7 +102,7 @@ pub(crate) fn recorded<T: Send>(
 /// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.
 pub(crate) fn shard(
     system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    solver: &MakeSolver,
     config: &GenerateConfig,
     first: u64,
     count: usize,
@@ -122,7 +125,7 @@ pub fn read(
         let recording = manifest.shard(folder, name, system)?;
         Ok((tokens(system, &recording, history, form), recording.sha256()))
     })?;
-    let hashes: Vec<_> = shards.iter().map(|s| s.1).collect();
+    let hashes = shards.iter().map(|s| s.1).collect_vec();
     let prepared = joined(shards);
     manifest.holds(folder, hashes, prepared.windows.trajectories(), prepared.windows.frames)?;
     Ok(prepared)

@@ -1,5 +1,6 @@
 //! Provenance of a result.
 
+use itertools::Itertools;
 use std::process::Command;
 use std::sync::LazyLock;
 
@@ -27,11 +28,7 @@ pub struct Provenance {
 impl Provenance {
     /// Provenance of this process.
     pub fn now(seed: u64) -> Self {
-        let args = std::env::args_os()
-            .skip(1)
-            .map(|word| without_folders(word.to_string_lossy().into()))
-            .collect::<Vec<_>>()
-            .join(" ");
+        let args = std::env::args_os().skip(1).map(|word| without_folders(word.to_string_lossy().into())).join(" ");
         // Commands of the Python package have the module's name.
         let own = std::env::args_os()
             .next()

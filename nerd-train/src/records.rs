@@ -7,6 +7,7 @@ use std::io::Write;
 
 use nerd_sim::files::{Claim, claim, has_keys, unclaimed};
 
+use crate::files::{read_record, write};
 use crate::prelude::*;
 use crate::provenance::{Provenance, machine};
 
@@ -48,11 +49,11 @@ impl Record {
     pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
         let path = folder.join("metrics.jsonl");
         if path.exists() {
-            let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
+            let text = read_record(&path)?;
             let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?.get("step")?.as_u64();
             let kept: String =
                 text.lines().filter(|l| of(l).is_some_and(|s| s <= step)).flat_map(|l| [l, "\n"]).collect();
-            nerd_sim::files::write(&path, kept.as_bytes()).map_err(Error::file(&path))?;
+            write(&path, kept)?;
         }
         Self::append(path)
     }
@@ -104,7 +105,7 @@ impl Session {
     /// All sessions of the run in `out`. A line truncated by a killed process is left out and reported.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let path = sessions(out);
-        let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
+        let text = read_record(&path)?;
         let mut all = Vec::new();
         for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
             match serde_json::from_str(line) {

@@ -1,6 +1,7 @@
 //! Settings with the same keys in TOML files and on the command line. The macro `settings!` declares help, range and
 //! default of each key once; [`Settings::keys`] lists them.
 
+use itertools::Itertools;
 use std::ops::RangeInclusive;
 
 use serde::Serialize;
@@ -138,7 +139,7 @@ pub fn listed(text: &str) -> Vec<String> {
         depth += i32::from(c == '(') - i32::from(c == ')');
         c == ',' && depth <= 0
     };
-    let parts: Vec<&str> = text.split(outside).collect();
+    let parts = text.split(outside).collect_vec();
     let (mut found, mut from) = (Vec::new(), 0);
     while from < parts.len() {
         let there = |to: &usize| std::path::Path::new(&parts[from..*to].join(",")).exists();
@@ -167,7 +168,7 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
         let mut all = self.given();
         for (name, value) in given {
             let Some(key) = Self::keys().into_iter().find(|key| key.name() == *name) else {
-                let known: Vec<String> = Self::keys().iter().map(|k| k.name()).collect();
+                let known = Self::keys().iter().map(|k| k.name()).collect_vec();
                 return Err(format!("`{name}` is not a setting; choose from {}", known.join(", ")));
             };
             key.values.check(value).map_err(|needed| format!("`{name}` is {value}: {needed}"))?;

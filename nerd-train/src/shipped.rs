@@ -56,8 +56,8 @@ pub fn folders(of: &Path, prefix: &str) -> Result<Vec<PathBuf>> {
     }
     let entries = std::fs::read_dir(of).map_err(Error::file(of))?;
     let named = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(prefix));
-    let mut found: Vec<PathBuf> =
-        entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.join("config.json").exists()).collect();
+    let mut found =
+        entries.flatten().map(|e| e.path()).filter(|p| named(p) && p.join("config.json").exists()).collect_vec();
     found.sort();
     Ok(found)
 }

@@ -7,7 +7,7 @@
 use std::sync::mpsc::{Receiver, sync_channel};
 
 use crate::prelude::*;
-use crate::prepare::{normalize, shard};
+use crate::prepare::{MakeSolver, normalize, shard};
 
 /// Settings of a supply.
 pub struct SupplyConfig {
@@ -79,7 +79,7 @@ impl Supply {
             };
             // A pool of one thread keeps solvers with internal parallelism out of the run's way.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-            pool.map_err(|e| Error::Refused(format!("fresh data: {e}")))?.spawn(work);
+            pool.map_err(|e| format!("fresh data: {e}"))?.spawn(work);
             supply.recorders.push(receiver);
         }
         Ok(supply)
@@ -110,7 +110,7 @@ impl Supply {
 /// Records fresh shard `k`; returns it as normalised windows.
 fn fresh_shard(
     system: &Arc<System>,
-    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    solver: &MakeSolver,
     config: &SupplyConfig,
     k: u64,
 ) -> Result<Windows, DatasetError> {

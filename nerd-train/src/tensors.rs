@@ -24,7 +24,7 @@ impl Tensors {
     }
 
     pub fn put_f64(&mut self, name: impl Into<String>, x: impl IntoIterator<Item = f64>) {
-        let bytes: Vec<u8> = x.into_iter().flat_map(f64::to_le_bytes).collect();
+        let bytes = x.into_iter().flat_map(f64::to_le_bytes).collect_vec();
         self.parts.insert(name.into(), (Dtype::F64, vec![bytes.len() / 8], bytes));
     }
 
@@ -52,7 +52,7 @@ impl Tensors {
             .map(|(name, (dtype, shape, bytes))| Ok((name, TensorView::new(*dtype, shape.clone(), bytes)?)));
         let views = views.collect::<Result<Vec<_>, safetensors::SafeTensorError>>().map_err(Error::file(path))?;
         let bytes = safetensors::serialize(views, Some(self.words.clone())).map_err(Error::file(path))?;
-        nerd_sim::files::write(path, &bytes).map_err(Error::file(path))
+        crate::files::write(path, &bytes)
     }
 
     pub fn open(path: &Path) -> Result<Self> {

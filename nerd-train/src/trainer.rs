@@ -100,7 +100,7 @@ impl Trainer {
     /// If an update, a validation or a file fails. The last checkpoint stays as it was.
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome> {
         let (c, started) = (&self.config, Instant::now());
-        c.check().map_err(Error::Refused)?;
+        c.check()?;
         let (mut step, mut over) = (learner.state()?.step, false);
         let mut lead = self.lead(step)?;
         let (_heed, stop) = (heed(), Stop(self.stop_at.and_then(|wall| started.checked_add(wall))));

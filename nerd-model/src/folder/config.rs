@@ -56,13 +56,13 @@ impl ModelConfig {
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
-        config.network.check().map_err(|reason| wrong(&path, format!("network: {reason}")))?;
+        config.network.check().map_err(|reason| wrong(&path)(format!("network: {reason}")))?;
         Ok(config)
     }
 
     /// The truth that the model in `folder` learned from.
     pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
-        Truth::named(&Self::read(folder)?.truth).map_err(|e| wrong(&folder.join("config.json"), e))
+        Truth::named(&Self::read(folder)?.truth).map_err(wrong(&folder.join("config.json")))
     }
 
     /// Form of tokens and predictions.
@@ -77,16 +77,16 @@ impl ModelConfig {
             [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))]
         {
             if found != wanted {
-                return Err(wrong(folder, format!("this model learned {what} `{found}`, not `{wanted}`")));
+                return Err(wrong(folder)(format!("this model learned {what} `{found}`, not `{wanted}`")));
             }
         }
         let path = folder.join("config.json");
         let wanted = match self.network.architecture {
             Architecture::Chain => {
-                let rods = Chain::of(system).map_err(|e| wrong(&path, e))?.rods;
+                let rods = Chain::of(system).map_err(wrong(&path))?.rods;
                 if self.network.block != rods {
                     let block = self.network.block;
-                    return Err(wrong(&path, format!("`block` is {block}, robot `{}` has {rods} rods", system.name)));
+                    return Err(wrong(&path)(format!("`block` is {block}, robot `{}` has {rods} rods", system.name)));
                 }
                 (chain::INPUTS, chain::OUTPUTS)
             }
@@ -95,15 +95,15 @@ impl ModelConfig {
         let found = (self.network.inputs, self.network.outputs);
         if found != wanted {
             let (of, needs) = (format!("{} to {}", found.0, found.1), format!("{} to {}", wanted.0, wanted.1));
-            return Err(wrong(&path, format!("maps {of} numbers; robot `{}` needs {needs}", system.name)));
+            return Err(wrong(&path)(format!("maps {of} numbers; robot `{}` needs {needs}", system.name)));
         }
         Ok(())
     }
 }
 
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ModelError> {
-    let text = read_text(path).map_err(|e| wrong(path, e))?;
-    serde_json::from_str(&text).map_err(|e| wrong(path, e))
+    let text = read_text(path).map_err(wrong(path))?;
+    serde_json::from_str(&text).map_err(wrong(path))
 }
 
 /// Why a model cannot be loaded or saved.
@@ -123,6 +123,6 @@ pub enum ModelError {
 }
 
 /// An error about a file or folder.
-pub(super) fn wrong(path: &Path, reason: impl ToString) -> ModelError {
-    ModelError::Folder { path: path.into(), reason: reason.to_string() }
+pub(super) fn wrong<E: ToString>(path: &Path) -> impl Fn(E) -> ModelError + '_ {
+    move |reason| ModelError::Folder { path: path.into(), reason: reason.to_string() }
 }

@@ -9,7 +9,8 @@ mod config;
 
 use std::{collections::HashMap, path::Path};
 
-use nerd_sim::{files::write, range::within};
+use nerd_sim::files::{hex, write};
+use nerd_sim::range::within;
 use sha2::{Digest, Sha256};
 
 use crate::prelude::*;
@@ -41,18 +42,16 @@ impl Model {
         if *robot_sha256 != at_hand {
             let (learned, this) = (short(robot_sha256), short(&at_hand));
             let differ = "its masses, joints, limits or contact points differ";
-            return Err(wrong(
-                folder,
-                format!("learned robot `{robot}` with hash `{learned}`, this one has `{this}`: {differ}"),
-            ));
+            return Err(wrong(folder)(format!(
+                "learned robot `{robot}` with hash `{learned}`, this one has `{this}`: {differ}"
+            )));
         }
         if *model_sha256 != read {
             let (read, written) = (short(&read), short(model_sha256));
             let hashes = format!("hash `{read}`, `config.json` was written with `{written}`");
-            return Err(wrong(
-                folder,
-                format!("its network, normaliser and weights have {hashes}: one of its files has been changed"),
-            ));
+            return Err(wrong(folder)(format!(
+                "its network, normaliser and weights have {hashes}: one of its files has been changed"
+            )));
         }
         Ok(model)
     }
@@ -67,14 +66,14 @@ impl Model {
         for (name, moments, width) in
             [("inputs", &normalizer.inputs, inputs), ("outputs", &normalizer.outputs, outputs)]
         {
-            check(moments, width).map_err(|reason| wrong(&path, format!("{name}: {reason}")))?;
+            check(moments, width).map_err(|reason| wrong(&path)(format!("{name}: {reason}")))?;
         }
         let path = folder.join("model.safetensors");
         // Check the size first, so that a file of an impossible size is not read.
-        let size = std::fs::metadata(&path).map_err(|e| wrong(&path, e))?.len();
-        Weights::check_size(&config.network, size).map_err(|e| wrong(&path, e))?;
-        let bytes = nerd_sim::files::read(&path).map_err(|e| wrong(&path, e))?;
-        let weights = Weights::from_bytes(config.network, &bytes).map_err(|e| wrong(&path, e))?;
+        let size = std::fs::metadata(&path).map_err(wrong(&path))?.len();
+        Weights::check_size(&config.network, size).map_err(wrong(&path))?;
+        let bytes = nerd_sim::files::read(&path).map_err(wrong(&path))?;
+        let weights = Weights::from_bytes(config.network, &bytes).map_err(wrong(&path))?;
         Ok(Self { config, normalizer, weights })
     }
 
@@ -99,7 +98,7 @@ impl Model {
         for piece in self.weights.flat.chunks(4096) {
             hash.update(piece.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>());
         }
-        hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
+        hex(hash.finalize())
     }
 
     /// Writes the folder, `config.json` last; `card` becomes `README.md`. Computes the configuration's `model_sha256`.
@@ -107,11 +106,11 @@ impl Model {
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let (moments_path, weights_path) = (folder.join("normalizer.json"), folder.join("model.safetensors"));
         let metadata = HashMap::from([("robot".into(), self.config.robot.clone())]);
-        let bytes = self.weights.to_bytes(metadata, storage).map_err(|e| wrong(&weights_path, e))?;
+        let bytes = self.weights.to_bytes(metadata, storage).map_err(wrong(&weights_path))?;
         let moments = json(&self.normalizer, &moments_path)?;
         // Hash the values as they will be read back: storage may round, and serde_json may change a number's last bit.
-        let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(&moments_path, e))?;
-        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(|e| wrong(&weights_path, e))?;
+        let normalizer = serde_json::from_slice(&moments).map_err(wrong(&moments_path))?;
+        let weights = Weights::from_bytes(self.config.network, &bytes).map_err(wrong(&weights_path))?;
         let stored = Self { config: self.config.clone(), normalizer, weights };
         let config = ModelConfig { model_sha256: stored.sha256(), ..stored.config };
         let config_path = folder.join("config.json");
@@ -122,12 +121,12 @@ impl Model {
             (weights_path, bytes),
             (config_path, config),
         ];
-        files.iter().try_for_each(|(path, bytes)| write(path, bytes).map_err(|e| wrong(path, e)))
+        files.iter().try_for_each(|(path, bytes)| write(path, bytes).map_err(wrong(path)))
     }
 }
 
 fn json(value: &impl serde::Serialize, path: &Path) -> Result<Vec<u8>, ModelError> {
-    Ok((serde_json::to_string_pretty(value).map_err(|e| wrong(path, e))? + "\n").into_bytes())
+    Ok((serde_json::to_string_pretty(value).map_err(wrong(path))? + "\n").into_bytes())
 }
 
 /// The start of a hash, long enough to tell two apart.

@@ -2,7 +2,7 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-use super::forward::{Forward, ForwardError, check};
+use super::forward::{Forward, ForwardError, ForwardResult, check};
 use super::weights::Weights;
 use crate::{program::BurnNetwork, program::config::TransformerConfig};
 
@@ -20,7 +20,7 @@ impl BurnForward {
 }
 
 impl Forward for BurnForward {
-    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> ForwardResult {
         check(&self.config, inputs, tokens, last)?;
         out.clear();
         if last.is_empty() {

@@ -16,7 +16,7 @@ pub trait Forward: Send {
     /// `inputs` is `[windows][tokens][inputs]`, normalised, row-major, the oldest token first. `last[w]` is the index
     /// of the newest token of window `w`; later tokens are padding of any finite value. `out` is replaced by
     /// `[windows][outputs]`.
-    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> ForwardResult;
 }
 
 /// Why a network could not be evaluated.
@@ -27,13 +27,11 @@ pub struct ForwardError {
     pub message: String,
 }
 
+/// Predictions, or why there are none.
+pub type ForwardResult<T = ()> = Result<T, ForwardError>;
+
 /// Refuses windows that do not fit the network.
-pub(crate) fn check(
-    config: &TransformerConfig,
-    inputs: &[f32],
-    tokens: usize,
-    last: &[u32],
-) -> Result<(), ForwardError> {
+pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, last: &[u32]) -> ForwardResult {
     let expected = last.len() * tokens * config.inputs;
     let message = if tokens == 0 || (config.positions == Positions::Table && tokens > config.block) {
         format!("{tokens} tokens in a window, the position table has {}", config.block)
@@ -79,7 +77,7 @@ impl PackedForward {
 }
 
 impl Forward for PackedForward {
-    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> ForwardResult {
         check(&self.config, inputs, tokens, last)?;
         let (c, network) = (self.config, &self.network);
         out.clear();

@@ -12,7 +12,7 @@ pub use self::burn::BurnForward;
 pub use crate::program::config::{Architecture, Positions, TransformerConfig};
 pub use crate::program::{Init, TensorSpec};
 pub(crate) use forward::even;
-pub use forward::{Forward, ForwardError, PackedForward};
+pub use forward::{Forward, ForwardError, ForwardResult, PackedForward};
 pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};
 pub use weights::{Storage, Weights, WeightsError};

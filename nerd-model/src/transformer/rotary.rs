@@ -6,7 +6,7 @@
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::forward::{ForwardError, ROWS, even};
+use super::forward::{ForwardResult, ROWS, even};
 use super::stream::{Stream, check};
 use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
@@ -58,7 +58,7 @@ impl PackedStream {
 }
 
 impl Stream for PackedStream {
-    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
         let (network, c) = (&self.network, self.network.config);
         let envs = check(&c, tokens)?;
         self.envs.resize_with(envs, || Env { taken: 0, place: Vec::new(), past: vec![0.0; c.layers * network.ring] });

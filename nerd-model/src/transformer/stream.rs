@@ -1,6 +1,6 @@
 //! Frame-by-frame evaluation of a network, and an adapter for engines of windows.
 
-use super::forward::{Forward, ForwardError};
+use super::forward::{Forward, ForwardError, ForwardResult};
 use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, with memory of earlier frames.
@@ -9,7 +9,7 @@ use crate::program::config::TransformerConfig;
 pub trait Stream: Send {
     /// Evaluates one frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major. Predictions in
     /// normalised target units replace `out`: `[env][outputs]`. The number of environments must not change.
-    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult;
 
     /// Clears the memory of one environment.
     fn clear(&mut self, env: usize);
@@ -47,7 +47,7 @@ impl<F: Forward> Windowed<F> {
 }
 
 impl<F: Forward> Stream for Windowed<F> {
-    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
         let (h, width) = (self.config.reach(), self.config.inputs);
         let envs = check(&self.config, tokens)?;
         self.tokens.resize(envs * h * width, 0.0);
@@ -73,7 +73,7 @@ impl<F: Forward> Stream for Windowed<F> {
 }
 
 /// Refuses frames that do not fit the network; returns the number of environments.
-pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> Result<usize, ForwardError> {
+pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> ForwardResult<usize> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {
         return Err(ForwardError {

@@ -103,6 +103,11 @@ pub fn bounded(path: &Path, most: u64) -> Result<()> {
     }
 }
 
+/// A hash in hexadecimal digits.
+pub fn hex(hash: impl AsRef<[u8]>) -> String {
+    hash.as_ref().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 /// The error message of a file that is too large, in megabytes.
 pub(crate) fn too_large(size: u64, most: u64) -> String {
     format!("has {} MB; at most {} MB are read", size >> 20, most >> 20)

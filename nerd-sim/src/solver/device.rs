@@ -4,9 +4,15 @@ use nerd_cuda::{Buffer, Device, DeviceError};
 
 use crate::prelude::*;
 
+impl From<DeviceError> for StepError {
+    fn from(error: DeviceError) -> Self {
+        Self::Solver(error.to_string())
+    }
+}
+
 /// Converts a device error to a step error.
 pub fn failed(error: DeviceError) -> StepError {
-    StepError::Solver(error.to_string())
+    error.into()
 }
 
 /// A solver with a batch resident on a GPU, which other kernels also access.

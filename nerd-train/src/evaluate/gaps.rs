@@ -26,7 +26,7 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
 pub fn summary_names(system: &System) -> Vec<String> {
     let root = ["position (m)", "orientation (rad)"].into_iter().filter(|_| system.robot.floating()).map(String::from);
     let unit = |j: &Joint| if j.kind == JointKind::Prismatic { "m" } else { "rad" };
-    let joints: Vec<_> = system.robot.joints().map(|j| format!("{} ({})", j.name, unit(j))).collect();
+    let joints = system.robot.joints().map(|j| format!("{} ({})", j.name, unit(j))).collect_vec();
     if joints.len() <= 2 { root.chain(joints).collect() } else { root.chain(["joints, mean (rad)".into()]).collect() }
 }
 

@@ -25,7 +25,7 @@ impl Held {
             rest = holding(system, &system.default_state());
         }
         let every = ((PERIOD / system.frame_time).round() as usize).max(1);
-        let mut streams: Vec<_> = (0..starts as u64).map(|env| stream(seed.wrapping_add(1), env)).collect();
+        let mut streams = (0..starts as u64).map(|env| stream(seed.wrapping_add(1), env)).collect_vec();
         let draw = |rng: &mut ChaCha8Rng| rest.iter().map(|_| rng.random_range(-1.0..=1.0) * size).collect();
         let targets = (0..frames.div_ceil(every)).map(|_| streams.iter_mut().map(draw).collect()).collect();
         Self { rest, every, targets }
@@ -34,7 +34,7 @@ impl Held {
     /// Drives for target number `target`, `[env][joint]`. Environments repeat the starts cyclically.
     pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
         let of = |own: &Vec<f64>| {
-            self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>()
+            self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect_vec()
         };
         self.targets[target].iter().cycle().take(environments).flat_map(of).collect()
     }

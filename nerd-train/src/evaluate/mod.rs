@@ -123,7 +123,7 @@ pub fn passive(
     let first = real.clone();
     let mut tally = Tally::new(system, n);
     let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
-    let mut streams: Vec<_> = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
+    let mut streams = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect_vec();
     let mut curves: Vec<_> = match config.action {
         Action::Random(factor) => {
             let curve = |(env, rng): (usize, &mut _)| Smooth::new(system, real.state(env), factor, rng);

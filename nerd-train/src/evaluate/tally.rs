@@ -51,7 +51,7 @@ pub(super) struct Tally {
 }
 
 impl Tally {
-    pub(super) fn new(system: &Arc<System>, n: usize) -> Self {
+    pub fn new(system: &Arc<System>, n: usize) -> Self {
         let width = quantities(system).len();
         let zeros = || vec![0.0; n * width];
         Self {
@@ -71,7 +71,7 @@ impl Tally {
 
     /// Steps all rollouts and adds their errors. `real` are the true states after the step, `first` the states at the
     /// start.
-    pub(super) fn step(
+    pub fn step(
         &mut self,
         solver: &mut dyn Solver,
         (learned, torques): (&mut Batch, &[f64]),
@@ -104,10 +104,10 @@ impl Tally {
         }
         let now = self.gaps.speeds(real);
         self.fastest.iter_mut().zip(now).for_each(|(s, v)| *s = s.max(v));
-        let add = |sums: &mut Vec<f64>, gap: &[f64]| sums[row.clone()].iter_mut().zip(gap).for_each(|(s, g)| *s += g);
-        add(&mut self.sums[0], &self.last[row.clone()]);
+        let [sums, of_hold] = &mut self.sums;
+        add(&mut sums[row.clone()], &self.last[row.clone()]);
         self.gaps.between(real, first, &mut self.gap);
-        add(&mut self.sums[1], &self.gap);
+        add(&mut of_hold[row], &self.gap);
         if self.gone[env].is_none() && learned.iter().any(|x| x.abs() > GONE) {
             self.gone[env] = Some(step);
         }
@@ -115,10 +115,10 @@ impl Tally {
     }
 
     /// The report after `steps` steps.
-    pub(super) fn report(self, steps: usize) -> PassiveReport {
-        let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect::<Vec<f64>>();
+    pub fn report(self, steps: usize) -> PassiveReport {
+        let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect_vec();
         let mean = |sums: &[f64], k: usize| of(sums, k).iter().sum::<f64>() / (self.n * steps) as f64;
-        let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect::<Vec<_>>();
+        let means = |sums: &[f64]| (0..self.width).map(|k| mean(sums, k)).collect_vec();
         let spread = |k: usize| {
             let m = mean(&self.sums[0], k);
             let squares = of(&self.sums[0], k).into_iter().map(|s| (s / steps as f64 - m).powi(2));

@@ -21,7 +21,7 @@ impl Sharded<Burn> {
         state: LearnerState,
         sets: [Arc<Windows>; 2],
         device: &BurnDevice,
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         Self::with(Burn { device: device.clone().autodiff() }, config, state, sets)
     }
 }
@@ -34,7 +34,7 @@ impl Pass for Burn {
         BurnNetwork::new(weights.config.program(), &weights.flat, &device)
     }
 
-    fn squares(&self, network: &mut BurnNetwork, shard: Shard) -> Result<f64, LearnError> {
+    fn squares(&self, network: &mut BurnNetwork, shard: Shard) -> LearnResult<f64> {
         let error = errors(network, shard);
         Ok(read((error.clone() * error).sum())?.into_iter().map(f64::from).sum())
     }
@@ -45,7 +45,7 @@ impl Pass for Burn {
         shard: Shard,
         scale: f64,
         huber: Option<f32>,
-    ) -> Result<(f64, Vec<f32>), LearnError> {
+    ) -> LearnResult<(f64, Vec<f32>)> {
         let error = errors(network, shard);
         let squares = (error.clone() * error.clone()).sum() * scale;
         let loss = match huber.map(f64::from) {
@@ -61,7 +61,7 @@ fn errors(network: &BurnNetwork, Shard { windows, tokens, x, y }: Shard) -> Tens
     network.forward(network.tensor(x, windows, tokens)) - network.tensor(y, windows, tokens)
 }
 
-fn read(tensor: Tensor<1>) -> Result<Vec<f32>, LearnError> {
+fn read(tensor: Tensor<1>) -> LearnResult<Vec<f32>> {
     let data = tensor.try_into_data().map_err(|e| LearnError::Device(format!("{e:?}")))?;
     Ok(data.iter::<f32>().collect())
 }

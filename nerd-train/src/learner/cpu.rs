@@ -20,7 +20,7 @@ impl Sharded<Fused> {
     ///
     /// # Errors
     /// If shapes of windows and network differ, a set is empty, or the state's vectors differ in length.
-    pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> Result<Self, LearnError> {
+    pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2]) -> LearnResult<Self> {
         Self::with(Fused::default(), config, state, sets)
     }
 }
@@ -42,7 +42,7 @@ impl Pass for Fused {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(worker);
     }
 
-    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError> {
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> LearnResult<f64> {
         Ok(squares(&errors(worker, &shard)))
     }
 
@@ -52,7 +52,7 @@ impl Pass for Fused {
         shard: Shard,
         scale: f64,
         huber: Option<f32>,
-    ) -> Result<(f64, Vec<f32>), LearnError> {
+    ) -> LearnResult<(f64, Vec<f32>)> {
         let mut error = errors(worker, &shard);
         let (squares, factor) = (squares(&error) * scale, scale as f32);
         match huber {

@@ -118,20 +118,35 @@ pub enum LearnError {
 
 part!(LearnError);
 
+/// What a learner did, or why it did not.
+pub type LearnResult<T = ()> = Result<T, LearnError>;
+
+impl From<String> for LearnError {
+    fn from(reason: String) -> Self {
+        Self::Mismatch(reason)
+    }
+}
+
+/// Returns a [`LearnError::Mismatch`].
+macro_rules! mismatch {
+    ($($text:tt)*) => { return Err($crate::learner::LearnError::Mismatch(format!($($text)*))) };
+}
+pub(crate) use mismatch;
+
 /// Makes updates on the windows that it was given.
 pub trait Learner {
     /// Makes one update with learning rate `lr`. May return before the device is done.
-    fn update(&mut self, lr: f32) -> Result<(), LearnError>;
+    fn update(&mut self, lr: f32) -> LearnResult;
     /// Replaces trajectories from number `first` on by normalised trajectories of the same shape.
-    fn replace(&mut self, _first: usize, _fresh: &Windows) -> Result<(), LearnError> {
+    fn replace(&mut self, _first: usize, _fresh: &Windows) -> LearnResult {
         Err(LearnError::Mismatch("it learns from motions, no windows can take their places".into()))
     }
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
-    fn progress(&mut self) -> Result<Progress, LearnError>;
+    fn progress(&mut self) -> LearnResult<Progress>;
     /// Normalised MSE of the averaged weights over about `windows` validation windows, chosen by [`validation_rows`].
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
+    fn validate(&mut self, windows: usize) -> LearnResult<f32>;
     /// A copy of the state; waits for the device.
-    fn state(&mut self) -> Result<LearnerState, LearnError>;
+    fn state(&mut self) -> LearnResult<LearnerState>;
 }
 
 /// Windows of a validation, the same on every device: `wanted` of a set of `windows`, evenly spaced. The order of
@@ -155,27 +170,32 @@ impl From<LearnError> for nerd_model::transformer::ForwardError {
     }
 }
 
+#[cfg(feature = "cuda")]
+impl From<LearnError> for StepError {
+    fn from(error: LearnError) -> Self {
+        Self::Solver(error.to_string())
+    }
+}
+
 /// Refuses settings, a state or windows that do not fit the network or each other.
-fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> Result<(), LearnError> {
-    let (network, mismatch) = (state.weights.config, LearnError::Mismatch);
-    config.check().map_err(mismatch)?;
-    network.check().map_err(mismatch)?;
+fn check(config: &LearnerConfig, state: &LearnerState, sets: [&Windows; 2]) -> LearnResult {
+    let network = state.weights.config;
+    config.check()?;
+    network.check()?;
     let n = network.parameters();
     if [&state.weights.flat, &state.average, &state.m, &state.v].iter().any(|x| x.len() != n) {
-        return Err(mismatch(format!("a state of {n} parameters is needed")));
+        mismatch!("a state of {n} parameters is needed");
     }
     for (name, set) in ["training", "validation"].into_iter().zip(sets) {
         let (found, expected) =
             ((set.inputs, set.outputs, set.history), (network.inputs, network.outputs, network.sequence()));
         if found != expected {
-            return Err(mismatch(format!(
-                "{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}"
-            )));
+            mismatch!("{name} windows have (inputs, outputs, history) {found:?}, the network {expected:?}");
         }
         let tokens = set.trajectories() * set.frames;
         if set.is_empty() || set.x.len() != tokens * set.inputs || set.y.len() != tokens * set.outputs {
             let (x, y) = (set.x.len(), set.y.len());
-            return Err(mismatch(format!("{name} windows: {x} inputs and {y} targets make no window")));
+            mismatch!("{name} windows: {x} inputs and {y} targets make no window");
         }
     }
     Ok(())

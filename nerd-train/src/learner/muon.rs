@@ -62,7 +62,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
         let whole = Hidden { offset, stride: columns, rows: tensor.shape[0], columns, transposed: false };
         let transposed = Hidden { rows: columns, columns: tensor.shape[0], transposed: true, ..whole };
         let mut path = tensor.name.split('.');
-        let (place, rest) = (path.next().unwrap_or(""), path.skip(1).collect::<Vec<_>>().join("."));
+        let (place, rest) = (path.next().unwrap_or(""), path.skip(1).join("."));
         match (place, rest.as_str()) {
             ("blocks", "attn.qkv.weight" | "attn.proj.weight") => square.extend(parts),
             ("blocks", "mlp.up.weight") => wide.push(whole),

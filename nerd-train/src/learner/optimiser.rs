@@ -57,7 +57,7 @@ impl Adam {
 
     pub fn step(&self, [w, m, v]: [&mut [f32]; 3], gradient: &[f32]) {
         let Self { decay, gain, rate, root, scale } = *self;
-        for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+        for (w, m, v, g) in izip!(w, m, v, gradient) {
             let g = g * scale;
             *m = decay[0] * *m + gain[0] * g;
             *v = decay[1] * *v + gain[1] * g * g;
@@ -84,7 +84,7 @@ impl Optimiser {
     }
 
     /// Makes one update, and counts it.
-    pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> Result<(), LearnError> {
+    pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> LearnResult {
         let norm = norm(gradient);
         if !loss.is_finite() || !norm.is_finite() {
             let loss = if loss.is_finite() { f32::NAN } else { loss };

@@ -23,7 +23,7 @@ pub trait Pass: Sync {
     /// Takes the worker back when its thread ends.
     fn rest(&self, _: Self::Worker) {}
     /// Sum of the squared errors.
-    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> Result<f64, LearnError>;
+    fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> LearnResult<f64>;
     /// Sum of the squared errors, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
     fn gradient(
         &self,
@@ -31,7 +31,7 @@ pub trait Pass: Sync {
         shard: Shard,
         scale: f64,
         huber: Option<f32>,
-    ) -> Result<(f64, Vec<f32>), LearnError>;
+    ) -> LearnResult<(f64, Vec<f32>)>;
 }
 
 pub struct Shard {
@@ -59,7 +59,7 @@ impl<P: Pass> Sharded<P> {
         config: LearnerConfig,
         state: LearnerState,
         sets: [Arc<Windows>; 2],
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         super::check(&config, &state, [&sets[0], &sets[1]])?;
         let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
         let [train, validation] = sets;
@@ -73,7 +73,7 @@ impl<P: Pass> Sharded<P> {
     }
 
     /// Squared error, and gradient of the loss before clipping, over the training windows `rows`.
-    pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
+    pub fn gradient(&self, rows: &[u64]) -> LearnResult<(f32, Vec<f32>)> {
         let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
         let work =
             |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
@@ -81,12 +81,9 @@ impl<P: Pass> Sharded<P> {
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
         let mut parts = parts.into_iter().map(|(_, gradient)| gradient);
         let mut total = parts.next().unwrap_or_default();
-        let rest: Vec<_> = parts.collect();
-        total.par_chunks_mut(SUM).enumerate().for_each(|(i, total)| {
-            for part in &rest {
-                total.iter_mut().zip(&part[i * SUM..]).for_each(|(t, p)| *t += p);
-            }
-        });
+        let rest = parts.collect_vec();
+        let sums = total.par_chunks_mut(SUM).enumerate();
+        sums.for_each(|(i, total)| rest.iter().for_each(|part| add(total, &part[i * SUM..])));
         Ok((loss, total))
     }
 
@@ -99,9 +96,9 @@ impl<P: Pass> Sharded<P> {
         weights: &Weights,
         gradients: bool,
         rows: &[u64],
-        work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
-    ) -> Result<Vec<T>, LearnError> {
-        let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
+        work: impl Fn(&mut P::Worker, &[u64]) -> LearnResult<T> + Sync,
+    ) -> LearnResult<Vec<T>> {
+        let shards = rows.chunks(self.shard).collect_vec();
         let next = AtomicUsize::new(0);
         let thread = || {
             let mut worker = self.pass.worker(weights, gradients);
@@ -115,10 +112,10 @@ impl<P: Pass> Sharded<P> {
                 done.push((i, work(&mut worker, rows)?));
             }
         };
-        let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
+        let mut done = std::thread::scope(|scope| -> LearnResult<Vec<(usize, T)>> {
             // If a thread cannot be started, the others do its work.
             let other = |_| std::thread::Builder::new().spawn_scoped(scope, thread).ok();
-            let others: Vec<_> = (1..self.threads.min(shards.len())).map_while(other).collect();
+            let others = (1..self.threads.min(shards.len())).map_while(other).collect_vec();
             let mut done = thread()?;
             for other in others {
                 done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);
@@ -131,23 +128,23 @@ impl<P: Pass> Sharded<P> {
 }
 
 impl<P: Pass> Learner for Sharded<P> {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
         let LearnerConfig { batch, seed, .. } = self.optimiser.config;
-        let rows: Vec<u64> = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect();
+        let rows = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect_vec();
         let (loss, gradient) = self.gradient(&rows)?;
         self.optimiser.update(lr, loss, &gradient)
     }
 
-    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+    fn replace(&mut self, first: usize, fresh: &Windows) -> LearnResult {
         Arc::make_mut(&mut self.train).replace(first, fresh).map_err(LearnError::Mismatch)
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         Ok(self.optimiser.progress())
     }
 
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, windows: usize) -> LearnResult<f32> {
         let rows = validation_rows(self.validation.len(), windows);
         let weights = self.optimiser.state.averaged();
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.squares(worker, shard(&self.validation, rows));
@@ -155,7 +152,7 @@ impl<P: Pass> Learner for Sharded<P> {
         Ok((parts.iter().sum::<f64>() / values(&self.validation, rows.len())) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         Ok(self.optimiser.state.clone())
     }
 }

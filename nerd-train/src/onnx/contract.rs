@@ -59,7 +59,7 @@ impl Contract {
         Ok(Self {
             task: task.name().into(),
             policy_sha256: policy.sha256(),
-            onnx_sha256: Sha256::digest(model).iter().map(|b| format!("{b:02x}")).collect(),
+            onnx_sha256: hex(Sha256::digest(model)),
             opset,
             input: input.into(),
             output: "action".into(),
@@ -81,11 +81,11 @@ impl Contract {
 
     /// Numbers that the contract cannot describe, a line each.
     pub fn unknown(&self) -> Vec<String> {
-        let places: Vec<String> = (0..)
+        let places = (0..)
             .zip(&self.observation)
             .filter(|(_, seen)| seen.quantity.is_none())
             .map(|(k, _): (usize, _)| k.to_string())
-            .collect();
+            .collect_vec();
         let seen = (!places.is_empty())
             .then(|| format!("observation {}: numbers of the task's own, known by their place", places.join(", ")));
         let acted = (self.law == Law::Own)

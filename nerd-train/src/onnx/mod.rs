@@ -20,7 +20,7 @@ mod wire;
 use nerd_model::program::Activation;
 use nerd_sim::files::{has_keys, replaceable};
 
-use crate::{ppo::Policy, prelude::*};
+use crate::{files::write, ppo::Policy, prelude::*};
 use wire::Message;
 
 pub use contract::Contract;
@@ -157,11 +157,11 @@ pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> 
     // An ONNX file from here has the producer's name near its start.
     replaceable(out, |bytes| bytes.windows(PRODUCER.len()).take(100).any(|at| at == PRODUCER.as_bytes()))
         .and_then(|()| replaceable(&beside, |_| has_keys(&beside, &["onnx_sha256", "policy_sha256"])))
-        .map_err(|e| Error::Refused(format!("--out: {e}")))?;
+        .map_err(|e| format!("--out: {e}"))?;
     let bytes = model(policy);
     let contract = Contract::of(policy, task, &bytes, input(policy).0, versions(policy.shape.activation)[0])?;
     let text = serde_json::to_string_pretty(&contract).map_err(Error::file(&beside))?;
-    nerd_sim::files::write(out, &bytes).map_err(Error::file(out))?;
-    nerd_sim::files::write(&beside, (text + "\n").as_bytes()).map_err(Error::file(&beside))?;
+    write(out, &bytes)?;
+    write(&beside, text + "\n")?;
     Ok(contract)
 }

@@ -4,6 +4,7 @@ use nerd_sim::{rig::LATEST, vary};
 
 use super::*;
 use crate::device::Device;
+use crate::files::read_text;
 use crate::shipped;
 use crate::spec::{NeuralSpec, SolverSpec};
 
@@ -132,8 +133,7 @@ impl Arena {
     /// PPO settings of a task: from `file`, else by the name `small` or `paper`, else by the cost of a step here.
     pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
         if let Some(path) = file {
-            let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
-            return PpoConfig::from_text(&text).map_err(Error::file(path));
+            return PpoConfig::from_text(&read_text(path)?).map_err(Error::file(path));
         }
         match recipe {
             Some("small") => PpoConfig::small(task),
@@ -161,7 +161,7 @@ impl Arena {
                     }
                 })
             };
-            trainer.engine = engine().map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
+            trainer.engine = engine().map_err(|e| format!("--device cuda: {e}"))?;
         }
         Ok(trainer)
     }
@@ -205,5 +205,5 @@ impl Arena {
 
 /// A solver's text in letters, digits and dashes.
 fn dashed(spec: &SolverSpec) -> String {
-    spec.to_string().split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).collect::<Vec<_>>().join("-")
+    spec.to_string().split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).join("-")
 }

@@ -111,8 +111,8 @@ fn whole(config: &PpoConfig, run: &str, seed: u64) -> String {
 
 /// The cause if two identities differ by a hash alone: the task's (`task HASH of ..`) or the robot's (last word).
 fn changed(was: &str, now: &str) -> Option<&'static str> {
-    let (was, now) = (was.split(' ').collect::<Vec<_>>(), now.split(' ').collect::<Vec<_>>());
-    let apart: Vec<usize> = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect();
+    let (was, now) = (was.split(' ').collect_vec(), now.split(' ').collect_vec());
+    let apart = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect_vec();
     match apart[..] {
         [1, ..] if was[0] == "task" && apart[1..].iter().all(|k| k + 1 == was.len()) => Some("the task's text changed"),
         [k] if k + 1 == was.len() && was.len() > 2 => Some("the robot's file changed"),

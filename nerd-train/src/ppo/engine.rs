@@ -86,7 +86,7 @@ pub trait StepwiseRollout {
             ends.extend(endings(&result));
             taken.terms.resize(episodes.task.terms().len(), 0.0);
             for terms in result.terms.chunks_exact(taken.terms.len().max(1)) {
-                taken.terms.iter_mut().zip(terms).for_each(|(sum, x)| *sum += x);
+                add(&mut taken.terms, terms);
             }
             rewards.extend(result.rewards);
             self.arrive(&reached, &result.truncated)?;

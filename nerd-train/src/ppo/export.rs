@@ -2,6 +2,7 @@
 
 use super::folder::{self, PolicyConfig, save};
 use super::*;
+use crate::files::{read_record, write};
 use crate::records::{Session, rows};
 use nerd_sim::files::renamed::{self, Kind};
 
@@ -25,8 +26,7 @@ pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Re
         PolicyConfig { task: task.name().into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
     let to = out.join("policy");
     if let Some(text) = folder::own(task) {
-        let path = to.join(folder::TASK);
-        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
+        write(&to.join(folder::TASK), text)?;
     }
     save(&to, &config, policy, &card(&config, policy.flat.len(), &table))?;
     write_curve(out, &to)
@@ -51,7 +51,7 @@ fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
 /// time (s), mean return and mean length of episodes.
 fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
-    let lines = nerd_sim::files::read_record(&metrics).map_err(Error::file(&metrics))?;
+    let lines = read_record(&metrics)?;
     let read = |line: &str| {
         let mut line = serde_json::from_str(line).map_err(Error::file(&metrics))?;
         // Lines of a run that an earlier version began.
@@ -69,6 +69,5 @@ fn write_curve(out: &Path, folder: &Path) -> Result<()> {
             text.push_str(&format!("{},{seconds:.1},{reward:.2},{length:.1}\n", line.frames));
         }
     }
-    let path = folder.join("curve.csv");
-    nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
+    write(&folder.join("curve.csv"), text)
 }

@@ -9,6 +9,7 @@ use nerd_model::transformer::TensorSpec;
 use nerd_sim::files::renamed::{self, Kind};
 
 use super::*;
+use crate::files::{read_text, write};
 
 /// Provenance keys: [`System::sha256`] of the robot, SHA-256 of the task's text, and [`Policy::sha256`].
 pub(super) const ROBOT: &str = "robot";
@@ -41,18 +42,15 @@ pub struct PolicyConfig {
 pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<()> {
     let mut file = Tensors::default();
     put(&mut file, "", policy);
-    let write = |name: &str, text: String| {
-        let path = folder.join(name);
-        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
-    };
     let mut config = config.clone();
     config.provenance.insert(WEIGHTS.into(), policy.sha256());
-    let json = serde_json::to_string_pretty(&config).map_err(Error::file(&folder.join("config.json")))?;
-    write("README.md", card.into())?;
+    let path = folder.join("config.json");
+    let json = serde_json::to_string_pretty(&config).map_err(Error::file(&path))?;
+    write(&folder.join("README.md"), card)?;
     file.put_word("task", &config.task);
     file.save(&folder.join("policy.safetensors"))?;
     // Last, so that a folder with this file is complete.
-    write("config.json", json + "\n")
+    write(&path, json + "\n")
 }
 
 /// Reads a policy's folder and finds its task by name, or by the text kept in the folder. Refuses a robot or text that
@@ -123,14 +121,14 @@ pub fn identity(task: &dyn Task) -> String {
 
 /// SHA-256 of a task's text, or of its name if it has no text.
 pub(super) fn text_hash(task: &dyn Task) -> String {
-    Sha256::digest(task.text().unwrap_or(task.name())).iter().map(|b| format!("{b:02x}")).collect()
+    hex(Sha256::digest(task.text().unwrap_or(task.name())))
 }
 
 /// Reads the folder of a policy of the given task, built-in or not.
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
     let same = match own(task) {
-        Some(text) => nerd_sim::files::read_text(&folder.join(TASK)).is_ok_and(|kept| kept == text),
+        Some(text) => read_text(&folder.join(TASK)).is_ok_and(|kept| kept == text),
         None => config.task == task.name(),
     };
     if !same {
@@ -148,7 +146,7 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     if folder.join("model.safetensors").exists() {
         refuse!("{}: a model, not a policy", folder.display());
     }
-    let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+    let text = read_text(&path)?;
     let mut all: serde_json::Value = serde_json::from_str(&text).map_err(Error::file(&path))?;
     let before = all.clone();
     if let Some(ppo) = all.get_mut("ppo").and_then(serde_json::Value::as_object_mut) {

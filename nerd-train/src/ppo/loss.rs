@@ -76,29 +76,25 @@ impl Terms {
         Self { actor, critic, bounds, entropy, kl, clipped }
     }
 
-    pub(super) fn list(&self) -> [f64; 6] {
-        [self.actor, self.critic, self.bounds, self.entropy, self.kl, self.clipped]
-    }
-
     pub(super) fn add(&mut self, other: &Self) {
-        let (mine, theirs) = (self.list(), other.list());
-        *self = Self::of(std::array::from_fn(|k| mine[k] + theirs[k]));
+        let (mine, theirs) = (self.named(), other.named());
+        *self = Self::of(std::array::from_fn(|k| mine[k].1 + theirs[k].1));
     }
 
     pub(super) fn over(&self, n: f64) -> Self {
-        Self::of(self.list().map(|x| x / n))
+        Self::of(self.named().map(|(_, x)| x / n))
     }
 }
 
 /// `-ln N(action; mu, exp(s)^2)`.
 pub(super) fn neg_log_prob(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
-    action.iter().zip(mu).zip(s).map(|((a, mu), s)| 0.5 * ((a - mu) * (-s).exp()).powi(2) + s + HALF_LN_TAU).sum()
+    izip!(action, mu, s).map(|(a, mu, s)| 0.5 * ((a - mu) * (-s).exp()).powi(2) + s + HALF_LN_TAU).sum()
 }
 
 /// `KL(N(mu, exp(s)^2), N(mu_old, exp(s_old)^2))`.
 pub(super) fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -> f32 {
-    let all = mu.iter().zip(s).zip(old_mu.iter().zip(old_s));
-    all.map(|((mu, s), (old_mu, old_s))| {
+    let all = izip!(mu, s, old_mu, old_s);
+    all.map(|(mu, s, old_mu, old_s)| {
         let (ratio, far) = (2.0 * (s - old_s), (mu - old_mu) * (-old_s).exp());
         0.5 * (ratio.exp() + far * far - 1.0 - ratio)
     })

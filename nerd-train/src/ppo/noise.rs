@@ -35,7 +35,7 @@ pub(super) fn drawn(answer: &PolicyOutput, key: StreamKey) -> Vec<f32> {
         let (mut rng, mut spare) = (key.rng(), None);
         // Normal numbers are drawn in pairs, from four words each.
         rng.set_word_pos(2 * (part * PART) as u128);
-        for ((a, mu), s) in out.iter_mut().zip(mean).zip(spread) {
+        for (a, mu, s) in izip!(out, mean, spread) {
             *a = mu + s.exp() * normal(&mut rng, &mut spare);
         }
     });

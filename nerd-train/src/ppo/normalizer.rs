@@ -35,7 +35,7 @@ impl RunningMoments {
             let part = columns.div_ceil(rayon::current_num_threads()).max(4);
             sums.par_chunks_mut(part).zip(of.par_chunks(part)).enumerate().for_each(|(k, (sums, of))| {
                 for row in rows.chunks_exact(columns) {
-                    for ((s, x), of) in sums.iter_mut().zip(&row[k * part..]).zip(of) {
+                    for (s, x, of) in izip!(&mut *sums, &row[k * part..], of) {
                         let x = x - of;
                         *s += if square { x * x } else { x };
                     }
@@ -87,11 +87,11 @@ impl RunningMoments {
     /// Normalises rows into `out`, which is cleared first.
     pub fn rows(&self, rows: &[f64], out: &mut Vec<f32>) {
         let columns = self.mean.len();
-        let inverse: Vec<f64> = (0..columns).map(|k| self.scale(k).recip()).collect();
+        let inverse = (0..columns).map(|k| self.scale(k).recip()).collect_vec();
         out.clear();
         for row in rows.chunks_exact(columns) {
-            let all = row.iter().zip(&self.mean).zip(&inverse);
-            out.extend(all.map(|((x, mean), inverse)| ((x - mean) * inverse).clamp(-WIDEST, WIDEST) as f32));
+            let all = izip!(row, &self.mean, &inverse);
+            out.extend(all.map(|(x, mean, inverse)| ((x - mean) * inverse).clamp(-WIDEST, WIDEST) as f32));
         }
     }
 

@@ -28,7 +28,7 @@ pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(u
         let (result, ended) = running.step(episodes, &actions, &mut reached)?;
         errors.iter_mut().zip(result.errors).for_each(|(all, error)| all.push(error));
         let all = terms.iter_mut().zip(result.terms.chunks_exact(width.max(1)));
-        all.for_each(|(sums, terms)| sums.iter_mut().zip(terms).for_each(|(sum, x)| *sum += x));
+        all.for_each(|(sums, terms)| add(sums, terms));
         for Ended { env, total: reward, length, .. } in ended {
             let (errors, terms) =
                 (std::mem::take(&mut errors[env]), std::mem::replace(&mut terms[env], vec![0.0; width]));

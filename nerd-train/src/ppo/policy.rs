@@ -159,9 +159,9 @@ impl Policy {
     /// SHA-256 of weights and moments, as lower-case hex.
     pub fn sha256(&self) -> String {
         let moments = [&self.seen, &self.returns].into_iter().flat_map(|m| m.mean.iter().chain(&m.variance));
-        let bytes: Vec<u8> =
-            self.flat.iter().flat_map(|w| w.to_le_bytes()).chain(moments.flat_map(|x| x.to_le_bytes())).collect();
-        Sha256::digest(&bytes).iter().map(|b| format!("{b:02x}")).collect()
+        let bytes =
+            self.flat.iter().flat_map(|w| w.to_le_bytes()).chain(moments.flat_map(|x| x.to_le_bytes())).collect_vec();
+        hex(Sha256::digest(&bytes))
     }
 
     /// Values in units of reward.

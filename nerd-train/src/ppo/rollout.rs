@@ -87,7 +87,7 @@ impl Running {
         let over = |env: usize| result.terminated[env] || result.truncated[env];
         let ended =
             (0..self.rewards.len()).filter_map(|env| self.count(0, env, result.rewards[env], over(env))).collect();
-        let cut: Vec<usize> = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect();
+        let cut = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect_vec();
         self.stack.push(&result.reached, &cut, over, episodes.observations(), out);
         Ok((result, ended))
     }

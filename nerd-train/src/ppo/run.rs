@@ -7,10 +7,10 @@ use nerd_tasks::Work;
 
 use super::export::export;
 use super::*;
-use crate::bounds;
 use crate::progress::{bar_from, notes};
 use crate::records::{Record, Session, claimed, ours};
 use crate::stop::{PATIENCE, heed};
+use crate::{bounds, files};
 
 /// Least time between two checkpoints, unless iterations are long.
 const SAVE: Duration = Duration::from_secs(60);
@@ -60,7 +60,7 @@ impl PolicyRun {
     pub fn train(&self) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
-        self.config.check().map_err(Error::Refused)?;
+        self.config.check()?;
         let (system, solver) = (task.system()?, self.arena.title()?);
         bearable(&*task, &system, &self.config)?;
         let title = format!("{} on {solver}", self.task);
@@ -128,8 +128,7 @@ impl PolicyRun {
             match &mut metrics {
                 Some(record) => record,
                 None => {
-                    let (path, what) = (self.out.join("run.json"), trainer.whole(identity));
-                    nerd_sim::files::write(&path, (what + "\n").as_bytes()).map_err(Error::file(&path))?;
+                    files::write(&self.out.join("run.json"), trainer.whole(identity) + "\n")?;
                     metrics.insert(Record::metrics(&self.out, line.step - 1)?)
                 }
             }
@@ -184,8 +183,7 @@ impl Spent {
         };
         let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
-        let shares: Vec<String> =
-            parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
+        let shares = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect_vec();
         format!("{rate:.0} steps/s: {}", shares.join(", "))
     }
 }

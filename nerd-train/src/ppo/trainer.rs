@@ -72,7 +72,7 @@ pub struct Trainer {
 impl Trainer {
     /// A run from random weights.
     pub fn new(mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
-        config.check().and_then(|()| episodes.task.about().check()).map_err(Error::Refused)?;
+        config.check().and_then(|()| episodes.task.about().check())?;
         let (found, wanted) = (episodes.len(), config.environments);
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");
@@ -134,7 +134,7 @@ impl Trainer {
         }
         let updated = engine.update(&mut state.policy, &mut state.adam, config, orders)?;
         state.iteration += 1;
-        updated.check().map_err(|e| Error::Refused(format!("iteration {}: {e}", state.iteration)))?;
+        updated.check().map_err(|e| format!("iteration {}: {e}", state.iteration))?;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
             refuse!("iteration {}: a weight of the policy is not finite", state.iteration);
         }

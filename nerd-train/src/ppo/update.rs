@@ -108,7 +108,7 @@ pub(super) fn orders(
     StreamKey { seed, number }: StreamKey,
 ) -> impl Iterator<Item = Vec<u32>> + use<> {
     let (n, epochs) = (config.steps(), config.epochs as u64);
-    let mut order = (0..n as u32).collect::<Vec<_>>();
+    let mut order = (0..n as u32).collect_vec();
     (0..epochs).map(move |epoch| {
         let mut rng = StreamKey { seed, number: number * epochs + epoch }.rng();
         (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
@@ -130,7 +130,7 @@ struct Data<'a> {
 impl<'a> Data<'a> {
     /// Absorbs the returns into the policy's moments, then normalises advantages, value targets and inputs.
     fn begun(policy: &mut Policy, rollout: &'a Rollout) -> Self {
-        let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
+        let returns = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect_vec();
         // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
         // never predicted.
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
@@ -147,10 +147,10 @@ impl<'a> Data<'a> {
     /// Stores the latest outputs for these steps, as the reference of the next pass's KL divergence.
     fn compare_with(&mut self, batch: &[u32], said: &Gradient) {
         let a = self.mean.len() / self.values.len().max(1);
-        for ((i, mean), spread) in batch.iter().zip(said.mean.chunks_exact(a)).zip(said.spread.chunks_exact(a)) {
+        for (i, mean, spread) in izip!(batch, said.mean.chunks_exact(a), said.spread.chunks_exact(a)) {
             let i = *i as usize;
-            self.mean[i * a..(i + 1) * a].copy_from_slice(mean);
-            self.spread[i * a..(i + 1) * a].copy_from_slice(spread);
+            self.mean[i * a..][..a].copy_from_slice(mean);
+            self.spread[i * a..][..a].copy_from_slice(spread);
         }
     }
 }
@@ -217,10 +217,10 @@ fn gradient(
         let mut part = Gradient::default();
         let (mut of_spread, mut spreads) = (vec![0.0; a], vec![0.0; shape.spread()]);
         let answers = network.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
-        for ((i, said), d) in rows.iter().zip(answers).zip(upstream.chunks_exact_mut(outputs)) {
+        for (i, said, d) in izip!(rows, answers, upstream.chunks_exact_mut(outputs)) {
             let i = *i as usize;
             let past = Past {
-                action: &data.rollout.actions[i * a..(i + 1) * a],
+                action: &data.rollout.actions[i * a..][..a],
                 neg_log_prob: data.rollout.neg_log_prob[i],
                 advantage: data.advantages[i],
                 value_target: data.value_targets[i],
@@ -231,10 +231,9 @@ fn gradient(
             let (d_v, d_out) = rest.split_at_mut(1);
             let d_s = if shape.state_dependent_std { d_out } else { &mut of_spread[..] };
             let mut one = step(config, past, (&said[..a], s, said[a]), scale, (d_mu, d_s, &mut d_v[0]));
-            one.kl =
-                f64::from(divergence(&said[..a], s, &data.mean[i * a..(i + 1) * a], &data.spread[i * a..(i + 1) * a]));
+            one.kl = f64::from(divergence(&said[..a], s, &data.mean[i * a..][..a], &data.spread[i * a..][..a]));
             part.terms.add(&one);
-            spreads.iter_mut().zip(&*d_s).for_each(|(sum, d)| *sum += d);
+            add(&mut spreads, d_s);
             part.mean.extend_from_slice(&said[..a]);
             part.spread.extend_from_slice(s);
         }
@@ -247,7 +246,7 @@ fn gradient(
     });
     let mut sum = Gradient { flat: vec![0.0; policy.flat.len()], ..Default::default() };
     for part in parts.collect::<Vec<_>>() {
-        sum.flat.iter_mut().zip(part.flat).for_each(|(s, g)| *s += g);
+        add(&mut sum.flat, &part.flat);
         sum.terms.add(&part.terms);
         sum.mean.extend(part.mean);
         sum.spread.extend(part.spread);

@@ -125,7 +125,7 @@ fn bones(system: &System, visuals: &[Solid]) -> Vec<Solid> {
     };
     let bones_or_cube = |link: usize| match &ends(link)[..] {
         [] => cube(link).into_iter().collect(),
-        ends => ends.iter().map(|end| bone(link, *end)).collect::<Vec<_>>(),
+        ends => ends.iter().map(|end| bone(link, *end)).collect_vec(),
     };
     bare.flat_map(bones_or_cube).collect()
 }

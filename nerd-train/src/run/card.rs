@@ -3,6 +3,7 @@
 use nerd_model::transformer::Storage;
 
 use super::*;
+use crate::files::write;
 use crate::records::rows;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
@@ -77,7 +78,7 @@ impl Identity {
             unrolled: plan.mode.frames(),
             learner: plan.learner,
             trainer: plan.trainer,
-            epsilon: if let Start::Random { epsilon } = plan.mode.start() { epsilon } else { None },
+            epsilon: plan.config.epsilon,
             arithmetic: plan.arithmetic.clone(),
             rollouts: *rollouts,
             frames,
@@ -88,7 +89,7 @@ impl Identity {
             held_out: plan.measured.as_ref().map(Measured::held_out),
             data_sha256: String::new(),
             transitions: *transitions,
-            fresh: plan.fresh,
+            fresh: plan.config.fresh_transitions,
             from: parent.map(history),
             from_sha256: parent.map(|config| config.model_sha256.clone()),
         }
@@ -237,9 +238,7 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
 
 fn said(folder: &Path, card: &str, verdict: Option<Verdict>) -> Result<Option<Verdict>> {
     if let Some(verdict) = &verdict {
-        let path = folder.join("README.md");
-        nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes())
-            .map_err(Error::file(&path))?;
+        write(&folder.join("README.md"), format!("{card}\n## What it is worth\n\n{verdict}.\n"))?;
     }
     Ok(verdict)
 }

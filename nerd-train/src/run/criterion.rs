@@ -26,17 +26,17 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
         };
         Ok(Neural::new(model, config.device.network(&weights, starts)?))
     };
-    if let Some(measured) = &plan.measured {
-        let pieces = measured.rollouts(&measured.choosing, &plan.network, config.rollouts)?;
-        return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
-    }
-    if system.spec.vary.is_some() {
-        let pieces = family(plan)?;
+    let pieces = match &plan.measured {
+        Some(measured) => Some(measured.rollouts(&measured.choosing, &plan.network, config.rollouts)?),
+        None if system.spec.vary.is_some() => Some(family(plan)?),
+        None => None,
+    };
+    if let Some(pieces) = pieces {
         return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
-    let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
+    let scenes = system.usual_scenes().into_iter().take(2).collect_vec();
     let mut total = 0.0;
     for scene in &scenes {
         let mut truth = config.record.truth(system).solver(system);

@@ -1,6 +1,6 @@
 //! Training and validation data of a run: windows of tokens, or motions of a chain or a robot.
 
-use nerd_model::chain::ChainSolver;
+use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::trapezoid;
 
 use super::*;
@@ -92,9 +92,7 @@ impl Data {
         }
         let own = || {
             let mut own = moments(windows);
-            if let Start::Random { epsilon: Some(epsilon) } = plan.mode.start() {
-                own.outputs.epsilon = epsilon;
-            }
+            own.outputs.epsilon = config.epsilon.unwrap_or(own.outputs.epsilon);
             if form.base == Base::Trapezoid {
                 trapezoid::level(&system.robot, system.frame_time, &mut own.outputs);
             }
@@ -145,10 +143,10 @@ impl Data {
                 (normalizer.clone(), Sets::Robot(Box::new(Course { body, train, validation: choosing, frames })))
             }
             (_, parent) => {
-                let chain = plan.chain()?;
+                let chain = Chain::of(system)?;
                 let (own, velocity) = scales(&chain, &motions);
                 let normalizer = parent.as_ref().map_or(own, |p| p.normalizer.clone());
-                let scale = ChainSolver::scale(&normalizer).map_err(Error::Refused)?;
+                let scale = ChainSolver::scale(&normalizer)?;
                 let body = Cable { loss: Loss::new(&scale, velocity, frames), chain, scale };
                 (normalizer, Sets::Cable(Box::new(Course { body, train, validation: choosing, frames })))
             }

@@ -45,7 +45,7 @@ use crate::unroll::{Course, Motions};
 use card::Identity;
 use plan::Plan;
 
-pub use mode::{Context, Mode, Source, Start, Stored};
+pub use mode::{Context, Mode};
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
 pub use settings::{RunConfig, Variant};

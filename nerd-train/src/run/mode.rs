@@ -1,4 +1,4 @@
-//! Modes of a training run. A mode holds only the settings that it uses, so no two of them contradict each other.
+//! Modes of a training run, and the settings that each of them refuses.
 
 use nerd_model::chain::{self, Chain};
 
@@ -7,8 +7,8 @@ use super::*;
 /// Default minimum of tokens in a training sequence: in short ones, few tokens have a full history.
 const SEQUENCE: usize = 32;
 
-/// How a run trains, and from what; [`RunConfig::mode`] makes it from settings.
-#[derive(Clone, Debug, PartialEq)]
+/// How a run trains; [`RunConfig::mode`] makes it from settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mode {
     /// NeRD learns single predictions, from windows of recorded frames.
     Windows {
@@ -16,34 +16,18 @@ pub enum Mode {
         form: Form,
         /// Frames that a prediction depends on.
         context: Context,
-        /// Error, in standard deviations of a target, where the loss turns from quadratic to linear.
-        huber: Option<f32>,
-        /// Origin of the first weights.
-        start: Start,
-        /// Training data.
-        source: Source,
     },
     /// NeRD of single frames continues from a model, through rollouts.
     Rollouts {
-        /// Base of the predictions.
-        base: Base,
-        /// Content of tokens.
-        view: View,
+        /// Content of tokens and meaning of predictions.
+        form: Form,
         /// Frames of a rollout in training.
         frames: usize,
-        /// Folder of the model.
-        from: PathBuf,
-        /// Training data, unless it is recorded in memory.
-        stored: Option<Stored>,
     },
     /// A network of single rods learns a cable, through rollouts.
     Chain {
         /// Frames of a rollout in training.
         frames: usize,
-        /// Folder of a model to start from.
-        from: Option<PathBuf>,
-        /// Folder of shards, unless data is recorded in memory.
-        shards: Option<PathBuf>,
     },
 }
 
@@ -70,91 +54,29 @@ pub enum Context {
     },
 }
 
-/// Origin of a run's first weights and normaliser.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Start {
-    /// Random weights, and moments of the training data.
-    Random {
-        /// Added to the variance of every target, unless it is the paper's.
-        epsilon: Option<f64>,
-    },
-    /// The model in a folder.
-    Model(PathBuf),
-}
-
-/// Training data.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// Trajectories recorded in memory.
-    Recorded {
-        /// Transitions recorded during training.
-        fresh: usize,
-    },
-    /// Files.
-    Stored(Stored),
-}
-
-/// Training data in files.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Stored {
-    /// A folder of shards.
-    Shards(PathBuf),
-    /// Recorded motion.
-    Log {
-        /// The log's TOML.
-        path: PathBuf,
-        /// Numbers of the trajectories that are held out; empty for the default.
-        held_out: Vec<u64>,
-    },
-}
-
 impl RunConfig {
     /// The mode of these settings. Refuses settings that it does not use.
     pub fn mode(&self) -> Result<Mode> {
         self.used()?;
-        let Self {
-            base,
-            view,
-            condition_on_params: told,
-            history,
-            head_width,
-            sequence,
-            huber,
-            epsilon,
-            fresh_transitions: fresh,
-            ..
-        } = *self;
-        let (data, from) = (self.data.clone(), self.from.clone());
-        let held_out = || self.held_out.clone().unwrap_or_default();
-        let stored = || match self.log() {
-            Some(path) => Some(Stored::Log { path, held_out: held_out() }),
-            None => data.clone().map(Stored::Shards),
-        };
-        let frames = sequence.unwrap_or(1);
-        let mode = match (self.variant, from) {
-            (Variant::Chain, from) => Mode::Chain { frames, from, shards: data },
-            (Variant::Nerd, Some(from)) if self.rolls_out() => {
-                Mode::Rollouts { base, view, frames, from, stored: stored() }
-            }
-            (Variant::Nerd, None) if self.rolls_out() => {
+        let Self { base, view, condition_on_params: told, history, head_width, sequence, .. } = *self;
+        let (form, frames) = (Form { base, view, told }, sequence.unwrap_or(1));
+        let mode = match self.variant {
+            Variant::Chain => Mode::Chain { frames },
+            Variant::Nerd if self.rolls_out() && self.from.is_none() => {
                 refuse!(
                     "--sequence with --history 1 goes on from a model that knows single frames: give it with --from"
                 )
             }
-            (Variant::Nerd, from) => {
-                let context = match history {
-                    _ if self.stream => Context::Stream { history, head_width, sequence },
-                    1 => Context::Frame,
-                    _ => Context::Window { history, head_width },
-                };
-                let start = from.map_or(Start::Random { epsilon }, Start::Model);
-                let source = stored().map_or(Source::Recorded { fresh }, Source::Stored);
-                Mode::Windows { form: Form { base, view, told }, context, huber, start, source }
+            Variant::Nerd if self.rolls_out() => Mode::Rollouts { form, frames },
+            Variant::Nerd if self.stream => {
+                Mode::Windows { form, context: Context::Stream { history, head_width, sequence } }
             }
+            Variant::Nerd if history == 1 => Mode::Windows { form, context: Context::Frame },
+            Variant::Nerd => Mode::Windows { form, context: Context::Window { history, head_width } },
         };
         let devices = mode.devices();
         if !devices.contains(&self.device) {
-            let devices = devices.iter().map(Device::to_string).collect::<Vec<_>>().join(", ");
+            let devices = devices.iter().map(Device::to_string).join(", ");
             refuse!("--device {} does not train this run: choose from {devices}", self.device);
         }
         Ok(mode)
@@ -201,8 +123,7 @@ impl Mode {
     /// Content of tokens and meaning of predictions.
     pub fn form(&self) -> Form {
         match *self {
-            Self::Windows { form, .. } => form,
-            Self::Rollouts { base, view, .. } => Form { base, view, told: false },
+            Self::Windows { form, .. } | Self::Rollouts { form, .. } => form,
             Self::Chain { .. } => Form::default(),
         }
     }
@@ -213,25 +134,6 @@ impl Mode {
             Self::Windows { .. } => None,
             Self::Rollouts { frames, .. } | Self::Chain { frames, .. } => Some(frames),
         }
-    }
-
-    /// Origin of the first weights.
-    pub fn start(&self) -> Start {
-        match self {
-            Self::Windows { start, .. } => start.clone(),
-            Self::Rollouts { from, .. } => Start::Model(from.clone()),
-            Self::Chain { from, .. } => from.clone().map_or(Start::Random { epsilon: None }, Start::Model),
-        }
-    }
-
-    /// Training data.
-    pub fn source(&self) -> Source {
-        let stored = match self {
-            Self::Windows { source, .. } => return source.clone(),
-            Self::Rollouts { stored, .. } => stored.clone(),
-            Self::Chain { shards, .. } => shards.clone().map(Stored::Shards),
-        };
-        stored.map_or(Source::Recorded { fresh: 0 }, Source::Stored)
     }
 
     /// Devices that train it.
@@ -260,7 +162,7 @@ impl Mode {
         let heads = |head_width: usize| (embedding / head_width.max(1)).max(1);
         let network = match *self {
             Self::Chain { .. } => {
-                let rods = Chain::of(system).map_err(|e| Error::Refused(e.to_string()))?.rods;
+                let rods = Chain::of(system)?.rods;
                 single(paper(chain::INPUTS, chain::OUTPUTS), rods, Architecture::Chain)
             }
             Self::Rollouts { .. } | Self::Windows { context: Context::Frame, .. } => {

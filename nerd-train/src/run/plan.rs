@@ -1,7 +1,6 @@
 //! Derives the plan of a run from its settings: form, network, learner, trainer, data to record. All checks happen
 //! here, before anything is recorded or written.
 
-use nerd_model::chain::Chain;
 use nerd_sim::{dataset::Manifest, log::specified, vary};
 
 use super::*;
@@ -18,8 +17,6 @@ pub(super) struct Plan {
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
     pub recording: GenerateConfig,
-    /// Transitions recorded during the run.
-    pub fresh: usize,
     /// The log, if recorded motion is the data.
     pub measured: Option<Measured>,
     /// The model to start from; random weights without one.
@@ -33,20 +30,17 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(config: &RunConfig) -> Result<Self> {
         let mode = config.check()?;
-        let source = mode.source();
-        let measured = match &source {
-            Source::Stored(Stored::Log { path, held_out }) => Some(Measured::read(path, held_out)?),
-            _ => None,
-        };
+        let held_out = config.held_out.as_deref().unwrap_or_default();
+        let measured = config.log().map(|log| Measured::read(&log, held_out)).transpose()?;
         let system = config.system()?;
         progress::notes(&system);
-        let config = &match (&measured, &source) {
+        let config = &match (&measured, &config.data) {
             (Some(measured), _) => config.of(measured),
-            (None, Source::Stored(Stored::Shards(folder))) => {
+            (None, Some(folder)) => {
                 let Manifest { trajectories, frames, .. } = Manifest::read(folder)?;
                 RunConfig { transitions: trajectories.saturating_mul(frames), ..config.clone() }
             }
-            (None, _) => config.clone(),
+            (None, None) => config.clone(),
         };
         let network = mode.network(&system, config.embedding, config.layers)?;
         if mode.form().told && vary::columns(&system).is_empty() {
@@ -58,11 +52,10 @@ impl Plan {
                 system.name
             );
         }
-        let (learner, trainer) = (config.learner(&mode), config.trainer());
-        learner.check().and(trainer.check()).map_err(Error::Refused)?;
+        let (learner, trainer) = (config.learner(), config.trainer());
+        learner.check().and(trainer.check())?;
         // Fresh data beyond the tokens that the run reads would be wasted.
-        let fresh = if let Source::Recorded { fresh } = source { fresh } else { 0 };
-        let (batch, sequence) = (learner.batch, network.sequence());
+        let (fresh, batch, sequence) = (config.fresh_transitions, learner.batch, network.sequence());
         let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
         if fresh as u128 > looked_at {
             refuse!(
@@ -80,32 +73,16 @@ impl Plan {
         }
         recording.check(&system)?;
         recording.until = Stop::after(Instant::now() + PATIENCE, config.minutes).0;
-        let (sequence, recorded) =
-            (mode.frames().unwrap_or(1).max(sequence), matches!(source, Source::Recorded { .. }));
+        let (sequence, recorded) = (mode.frames().unwrap_or(1).max(sequence), config.data.is_none());
         if recorded && sequence > config.record.frames {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
         }
-        let parent = match mode.start() {
-            Start::Model(folder) => Some(parent(&folder, &system, network, mode.form())?),
-            Start::Random { .. } => None,
-        };
+        let parent = |folder: &PathBuf| parent(folder, &system, network, mode.form());
+        let parent = config.from.as_ref().map(parent).transpose()?;
         let actors = recorded.then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config)?;
         let config = config.clone();
-        Ok(Self {
-            config,
-            mode,
-            system,
-            network,
-            learner,
-            trainer,
-            recording,
-            fresh,
-            measured,
-            parent,
-            actors,
-            arithmetic,
-        })
+        Ok(Self { config, mode, system, network, learner, trainer, recording, measured, parent, actors, arithmetic })
     }
 
     /// Whether rollouts choose the weights. For a chain that learns single frames, rollouts say little about progress.
@@ -116,11 +93,6 @@ impl Plan {
     /// Name of the truth, as on cards.
     pub fn truth(&self) -> String {
         self.measured.as_ref().map_or_else(|| self.config.record.truth(&self.system).name(), |m| m.truth.clone())
-    }
-
-    /// The chain of the robot.
-    pub fn chain(&self) -> Result<Chain> {
-        Chain::of(&self.system).map_err(|e| Error::Refused(e.to_string()))
     }
 }
 
@@ -171,9 +143,8 @@ impl RunConfig {
     }
 
     /// Settings of an update, except the learning rate.
-    fn learner(&self, mode: &Mode) -> LearnerConfig {
-        let Self { batch, average, optimizer, .. } = *self;
-        let huber = if let Mode::Windows { huber, .. } = mode { *huber } else { None };
+    fn learner(&self) -> LearnerConfig {
+        let Self { batch, average, optimizer, huber, .. } = *self;
         LearnerConfig { batch, clip: 1.0, average, seed: self.record.seed, huber, optimizer }
     }
 

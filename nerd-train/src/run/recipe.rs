@@ -61,10 +61,7 @@ impl Recipe {
     /// The shipped recipe `name`, overridden by `given`.
     pub fn named(name: &str, given: &Given) -> Result<Self> {
         let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) else {
-            refuse!(
-                "--recipe {name}: choose from {}; of your own give the file",
-                Self::names().collect::<Vec<_>>().join(", ")
-            );
+            refuse!("--recipe {name}: choose from {}; of your own give the file", Self::names().join(", "));
         };
         let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
         let recipe = Self::parse(&path, text, &Given::new())?;
@@ -77,8 +74,7 @@ impl Recipe {
 
     /// The recipe in a file, overridden by `given`.
     pub fn read(path: &Path, given: &Given) -> Result<Self> {
-        let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
-        Self::parse(path, &text, given)
+        Self::parse(path, &crate::files::read_text(path)?, given)
     }
 
     fn parse(path: &Path, text: &str, given: &Given) -> Result<Self> {
@@ -183,7 +179,7 @@ fn rename(given: &mut Given, path: &Path) {
 /// A file's run, overridden by `given`. If `given` names a model to start from, the model's epsilon replaces the
 /// file's.
 fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
-    let mut run = own.with(given).map_err(Error::Refused)?;
+    let mut run = own.with(given)?;
     if given.contains_key("from") && !given.contains_key("epsilon") {
         run.epsilon = None;
     }

@@ -6,6 +6,7 @@ use super::data::{Cache, Data, Judge};
 use super::engine::engine;
 use super::*;
 use crate::checkpoint::{self, Best};
+use crate::files;
 use crate::records::{Session, ours};
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{Outcome, Trainer};
@@ -71,7 +72,7 @@ impl Run {
         trainer.stop_at = self.left(started);
         let path = out.join("run.json");
         let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
-        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
+        files::write(&path, text)?;
         tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
         let mut logged = (step, Duration::ZERO);
         let mut log = |step: u64| -> Result<()> {
@@ -121,7 +122,7 @@ impl Run {
     /// The supply of fresh data from update `step` on, if the run has any.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         let plan = &self.plan;
-        let (fresh, data) = (plan.fresh, GenerateConfig { until: None, ..plan.recording.clone() });
+        let (fresh, data) = (plan.config.fresh_transitions, GenerateConfig { until: None, ..plan.recording.clone() });
         if fresh == 0 {
             return Ok(None);
         }

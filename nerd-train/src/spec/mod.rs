@@ -295,9 +295,7 @@ impl SolverSpec {
 impl ArticulatedSpec {
     fn solver(self, config: ArticulatedConfig, system: &System) -> Result<Box<dyn Solver>> {
         if self.method == Method::Paper {
-            Truth::Paper
-                .check(&system.robot, system.spec.self_collision)
-                .map_err(|e| Error::Refused(format!("method=paper: {e}")))?;
+            Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| format!("method=paper: {e}"))?;
         }
         match self.device {
             Device::Cpu => {
@@ -306,7 +304,7 @@ impl ArticulatedSpec {
             }
             #[cfg(feature = "cuda")]
             Device::Cuda | Device::CudaF32 if !self.settled => {
-                has_kernels(&config).map_err(|why| Error::Refused(format!("{}: {why}", SolverSpec::from(self))))?;
+                has_kernels(&config).map_err(|why| format!("{}: {why}", SolverSpec::from(self)))?;
                 Ok(Box::new(CudaArticulated::new(config, Real::F32)))
             }
             other => refuse!("{} is not on {other}; take cpu, or cuda without `settled`", SolverSpec::from(self)),

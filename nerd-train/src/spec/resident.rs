@@ -13,10 +13,10 @@ pub fn resident(spec: &SolverSpec, system: &Arc<System>, real: Real, precision: 
     let spec = &spec.clone().found(system)?;
     if let Some(folder) = spec.folder() {
         let whole = crate::learner::cuda::resident(Model::load(folder, system, None)?, system, real, precision);
-        return Ok(Box::new(whole.map_err(|why| Error::Refused(format!("{}: {why}", folder.display())))?));
+        return Ok(Box::new(whole.map_err(|why| format!("{}: {why}", folder.display()))?));
     }
     let config =
         spec.config(system).ok_or_else(|| Error::Refused(format!("{spec} has no kernels; step it on the CPU")))?;
-    has_kernels(&config).map_err(|why| Error::Refused(format!("{spec}: {why}")))?;
+    has_kernels(&config).map_err(|why| format!("{spec}: {why}"))?;
     Ok(Box::new(CudaArticulated::new(config, real)))
 }

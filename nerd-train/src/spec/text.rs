@@ -38,7 +38,7 @@ impl FromStr for SolverSpec {
                 refuse!("solver `{text}`: `{key}` is there twice");
             }
             keys.push(key);
-            spec.set(argument).map_err(|why| Error::Refused(format!("solver `{text}`: {why}")))?;
+            spec.set(argument).map_err(|why| format!("solver `{text}`: {why}"))?;
         }
         if let Self::Articulated(ArticulatedSpec { settled: true, method, .. }) = spec
             && method != Method::Implicit

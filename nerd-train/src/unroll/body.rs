@@ -92,6 +92,19 @@ pub fn join(own: f64, upstream: f64, later: usize) -> f64 {
     (later as f64 * own / upstream.max(1e-300)).min(1.0)
 }
 
+/// Sum of first over sum of second numbers of single frames (motion, frame), at `count` evenly spaced ones.
+pub(super) fn ratio<M>(
+    motions: &Motions,
+    count: usize,
+    memory: impl Fn() -> M + Sync + Send,
+    one: impl Fn(&mut M, usize, usize) -> (f64, f64) + Sync + Send,
+) -> f64 {
+    let rows = validation_rows(motions.len() * motions.frames, count);
+    let one = |memory: &mut M, row: &u64| one(memory, *row as usize / motions.frames, *row as usize % motions.frames);
+    let (own, whole): (Vec<f64>, Vec<f64>) = rows.par_iter().map_init(memory, one).unzip();
+    own.iter().sum::<f64>() / whole.iter().sum::<f64>().max(1e-300)
+}
+
 /// `weight p(e / unit)` with the pseudo-Huber loss `p(e) = sqrt(1 + e^2) - 1`; adds its gradient to `gradient`.
 pub(super) fn bent(e: f64, unit: f64, weight: f64, gradient: &mut f64) -> f64 {
     let e = e / unit;

@@ -28,13 +28,11 @@ pub(super) struct Draw<V> {
 
 impl<B: Body> Course<B> {
     /// Refuses motions that are shorter than a rollout.
-    pub(super) fn check(&self) -> Result<(), LearnError> {
+    pub(super) fn check(&self) -> LearnResult {
         let Self { train, validation, frames, .. } = self;
         if train.is_empty() || validation.is_empty() || train.frames < *frames || *frames == 0 {
             let (motions, long) = (train.len(), train.frames);
-            return Err(LearnError::Mismatch(format!(
-                "{motions} motions of {long} frames hold no rollout of {frames}"
-            )));
+            mismatch!("{motions} motions of {long} frames hold no rollout of {frames}");
         }
         Ok(())
     }

@@ -5,8 +5,7 @@
 //! output -> network back -> frame back`. Activations are recomputed instead of stored. One captured graph holds the
 //! whole update. The host draws the starts of rollouts, and reads back which rollouts may continue.
 
-use nerd_cuda::Arg::{Double, Int, Long, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
+use nerd_cuda::{Arg, Buffer, Device, DeviceResult, Replay, args};
 use nerd_model::program::Slot;
 
 use nerd_model::chain::INPUTS;
@@ -68,11 +67,11 @@ impl CudaUnrollLearner {
         precision: Precision,
         state: LearnerState,
         course: Course<Cable>,
-    ) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+    ) -> LearnResult<Self> {
+        config.check()?;
         course.check()?;
         let (body, train, frames, rows) = (&course.body, &course.train, course.frames, config.batch);
-        state.weights.config.check().map_err(LearnError::Mismatch)?;
+        state.weights.config.check()?;
         let plan = Plan::new(state.weights.config.program(), body.tokens())?;
         let mut network = Network::new(plan, rows, precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
@@ -101,13 +100,13 @@ impl CudaUnrollLearner {
     }
 
     /// Draws the starts of this update's rollouts; returns their rows for the device.
-    fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
+    fn drawn(&mut self) -> LearnResult<Vec<f64>> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
         let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
         // Rollouts of one frame always start from the truth.
         let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
-        for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
+        for (ended, draw, near) in izip!(&mut self.ended, draws, nears) {
             let kept = ended.filter(|place| near != 0 && !draw.anew && place.frame + frames <= through);
             let place = kept.unwrap_or(draw.place);
             rows.extend(Cable::row(&place, kept.is_none()));
@@ -117,44 +116,40 @@ impl CudaUnrollLearner {
     }
 
     /// Launches a kernel over all rollouts; its first arguments are rollouts and motions.
-    fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
+    fn along(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
         let Recorded { frames, states, torques, scenes } = &self.motions;
-        let world = [self.rollouts.ptr, states.ptr, torques.ptr, scenes.ptr].map(Ptr);
-        self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
+        self.each(kernel, &[&args![&self.rollouts, states, torques, scenes, *frames], args].concat())
     }
 
-    fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.network.device.launch(kernel, (self.network.rows, 1), (self.threads, 1), 0, args)
+    fn each(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
+        self.network.device.launch_blocks(kernel, self.network.rows, self.threads, args)
     }
 
     /// Computes the gradient of an update, followed by the loss.
-    fn pass(&self) -> Result<(), DeviceError> {
+    fn pass(&self) -> DeviceResult {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
         let weight = 1.0 / (self.config.batch * frames) as f64;
-        let [states, tokens, outputs, upstream, kept] =
-            [self.states.ptr, net.at(Slot(0)), net.predictions().ptr, self.upstream.ptr, self.kept.ptr].map(Ptr);
-        self.along("unroll_begin", &[states, Int(frames)])?;
+        let Self { states, upstream, kept, losses, nears, of_frame, by_tokens, .. } = self;
+        let (tokens, outputs, p) = (net.at(Slot(0)), net.predictions(), of_frame.len);
+        self.along("unroll_begin", &args![states, frames])?;
         net.fold(w)?;
         for k in 0..frames {
-            self.along("unroll_look", &[states, Int(k), tokens])?;
+            self.along("unroll_look", &args![states, k, tokens])?;
             net.predict(w, n)?;
-            self.along("unroll_advance", &[states, Int(k), outputs])?;
+            self.along("unroll_advance", &args![states, k, outputs])?;
         }
-        self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
+        self.along("unroll_end", &args![states, frames, nears])?;
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
-            let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];
-            self.along("unroll_behind", &[&[states, Int(k), Int(later)][..], &rest].concat())?;
+            self.along("unroll_behind", &args![states, k, later, weight, upstream, losses, tokens, kept])?;
             net.forward(w, n)?;
-            self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.targets.ptr)])?;
-            net.backward(w, Some(self.of_frame.ptr), 0..n, Some(self.by_tokens.ptr))?;
-            self.along("unroll_back", &[states, Int(k), outputs, kept, Ptr(self.by_tokens.ptr), upstream])?;
-            let p = self.of_frame.len;
-            let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
-            d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
+            self.each("unroll_said", &args![states, k, outputs, upstream, &net.targets])?;
+            net.backward(w, Some(of_frame.ptr), 0..n, Some(by_tokens.ptr))?;
+            self.along("unroll_back", &args![states, k, outputs, kept, by_tokens, upstream])?;
+            d.launch_each("unroll_add", p, 256, &args![of_frame, all, p, usize::from(later == 0)])?;
         }
-        d.launch("unroll_total", (1, 1), (256, 1), 0, &[Ptr(self.losses.ptr), Int(n), Ptr(all.at(self.of_frame.len))])
+        d.launch_blocks("unroll_total", 1, 256, &args![losses, n, all.at(p)])
     }
 }
 
@@ -167,29 +162,28 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> LearnResult<Self> {
         let count = motions.len() * (motions.frames + 1);
         let truths = d.zeros(count * body.width())?;
         let states = motions.states();
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
             let (sent, rows) = (d.upload(part)?, part.len() / width);
-            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * body.width())), Long(rows as u64)];
-            d.launch("unroll_truths", (rows.div_ceil(64), 1), (64, 1), 0, &args)?;
+            d.launch_each("unroll_truths", rows, 64, &args![&sent, truths.at(i * SENT * body.width()), rows])?;
             d.wait()?;
         }
         let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..LED].iter().copied());
-        let torques: Vec<f64> = (0..motions.len()).flat_map(torques).chain([0.0]).collect();
+        let torques = (0..motions.len()).flat_map(torques).chain([0.0]).collect_vec();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
-            scenes.extend(body.record(system, scene, colliders).map_err(LearnError::Mismatch)?);
+            scenes.extend(body.record(system, scene, colliders)?);
         }
         Ok(Self { frames: motions.frames, states: truths, torques: d.upload(&torques)?, scenes: d.upload(&scenes)? })
     }
 }
 
 impl Learner for CudaUnrollLearner {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         let rows = self.drawn()?;
         let d = &self.network.device;
         d.write(&self.rollouts, &rows)?;
@@ -201,18 +195,18 @@ impl Learner for CudaUnrollLearner {
         })
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         self.optimiser.progress(&self.network.device)
     }
 
     /// As [`super::UnrollLearner`], on the CPU.
-    fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);
         Ok(self.course.body.missed(&self.course.validation, &network, frames) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         self.optimiser.state(&self.network.device)
     }
 }

@@ -3,7 +3,7 @@
 use nerd_sim::dataset::{begin, record, sha256_of};
 
 use super::*;
-use crate::prepare::{opened, recorded};
+use crate::prepare::{MakeSolver, opened, recorded};
 
 /// Motions per hash.
 const HASHED: usize = 16;
@@ -37,7 +37,7 @@ impl Motions {
     /// Records motions, shards in parallel. `solver` makes the truth; `progress` receives the transitions done.
     pub fn record(
         system: &Arc<System>,
-        solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+        solver: &MakeSolver,
         config: &GenerateConfig,
         progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Self, DatasetError> {

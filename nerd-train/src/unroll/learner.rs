@@ -22,8 +22,8 @@ impl<B: Body> UnrollLearner<B> {
     ///
     /// # Errors
     /// If motions are shorter than a rollout.
-    pub fn new(config: LearnerConfig, state: LearnerState, course: Course<B>) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+    pub fn new(config: LearnerConfig, state: LearnerState, course: Course<B>) -> LearnResult<Self> {
+        config.check()?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
@@ -56,7 +56,7 @@ impl<B: Body> UnrollLearner<B> {
 }
 
 impl<B: Body> Learner for UnrollLearner<B> {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         let mut rollouts = self.drawn();
         self.network.load(&self.optimiser.state.weights.flat);
         let (unroll, weight) = (self.unroll(), 1.0 / (self.optimiser.config.batch * self.course.frames) as f64);
@@ -71,7 +71,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         let loss = parts.iter().map(|part| part.0).sum::<f64>();
         // Sum in order: the same bits on any number of threads.
         let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
-        parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
+        parts.iter().for_each(|part| add(&mut gradient, &part.1));
         self.optimiser.update(lr, loss as f32, &gradient)?;
         // Rollouts of one frame always start from the truth.
         let carried = self.course.frames > 1;
@@ -79,17 +79,17 @@ impl<B: Body> Learner for UnrollLearner<B> {
         Ok(())
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         Ok(self.optimiser.progress())
     }
 
     /// Relative error of the averaged weights in the change over single frames.
-    fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         self.network.load(&self.optimiser.state.average);
         Ok(self.course.body.missed(&self.course.validation, &self.network, frames) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         Ok(self.optimiser.state.clone())
     }
 }

@@ -21,8 +21,9 @@ mod learner;
 mod pass;
 pub mod robot;
 
+use crate::learner::mismatch;
 use crate::prelude::*;
-use body::bent;
+use body::{bent, ratio};
 use course::BETA;
 
 pub use body::{Body, Place, join};

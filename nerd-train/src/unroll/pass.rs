@@ -40,8 +40,9 @@ impl<B: Body> Unroll<'_, B> {
         let (frames, mut own) = (self.course.frames, self.course.body.memory());
         memory.resize_with(frames.max(memory.len()), Memory::default);
         let mut total = 0.0;
-        let kept: Vec<Kept<B>> =
-            (0..frames).map(|k| self.forward(k, rollouts, weight, (&mut own, &mut memory[k]), &mut total)).collect();
+        let kept = (0..frames)
+            .map(|k| self.forward(k, rollouts, weight, (&mut own, &mut memory[k]), &mut total))
+            .collect_vec();
         let mut gradient: Vec<f32> = Vec::new();
         let mut upstream: Vec<B::Slope> = Vec::new();
         for (k, kept) in kept.into_iter().enumerate().rev() {
@@ -60,12 +61,11 @@ impl<B: Body> Unroll<'_, B> {
     ) -> Kept<B> {
         let Course { body, train, .. } = self.course;
         let mut tokens = Vec::new();
-        let looks: Vec<B::Look> =
-            rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect();
+        let looks = rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect_vec();
         let outputs = self.network.forward(&tokens, memory, Pass::Kept(body.tokens())).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
         let rows = outputs.chunks_exact(outputs.len() / rollouts.len().max(1));
-        for ((r, look), row) in rollouts.iter_mut().zip(&looks).zip(rows) {
+        for (r, look, row) in izip!(rollouts, &looks, rows) {
             let after = body.advance(&r.state, look, row, own);
             r.place.frame += 1;
             let (truth, mut slope) = (body.truth(train, &r.place), body.level());
@@ -89,7 +89,7 @@ impl<B: Body> Unroll<'_, B> {
         let (mut all, mut slopes, mut by_outputs) = (kept.slopes.clone(), Vec::with_capacity(count), Vec::new());
         all.iter_mut().zip(upstream).for_each(|(own, upstream)| body.join(own, upstream, later));
         let rows = kept.outputs.chunks_exact(kept.outputs.len() / count);
-        for ((before, row), upstream) in kept.before.iter().zip(rows).zip(&all) {
+        for (before, row, upstream) in izip!(&kept.before, rows, &all) {
             let mut slope = body.level();
             by_outputs.extend(body.advance_back(before, row, upstream, &mut slope));
             slopes.push(slope);
@@ -97,12 +97,10 @@ impl<B: Body> Unroll<'_, B> {
         let (by_weights, by_tokens) = self.network.backward(body.tokens(), &by_outputs, memory, true);
         match gradient.is_empty() {
             true => *gradient = by_weights,
-            false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
+            false => add(gradient, &by_weights),
         }
         let rows = by_tokens.chunks_exact(by_tokens.len() / count);
-        for ((((before, look), upstream), row), slope) in
-            kept.before.iter().zip(&kept.looks).zip(&all).zip(rows).zip(&mut slopes)
-        {
+        for (before, look, upstream, row, slope) in izip!(&kept.before, &kept.looks, &all, rows, &mut slopes) {
             body.look_back(before, look, row, upstream, slope, own);
         }
         slopes

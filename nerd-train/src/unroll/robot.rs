@@ -35,7 +35,7 @@ impl Robot {
     pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Motions) -> Self {
         let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
         let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
-        let rows: Vec<usize> = (0..motions.len() * motions.frames).step_by(step).collect();
+        let rows = (0..motions.len() * motions.frames).step_by(step).collect_vec();
         let mut units = vec![0.0; 2 * nv];
         for row in &rows {
             let [motion, frame] = [row / motions.frames, row % motions.frames];
@@ -117,7 +117,7 @@ impl Body for Robot {
 
     fn advance(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], scratch: &mut Scratch) -> Vec<f64> {
         let mut next = vec![0.0; before.len()];
-        scratch.features.apply(before, &self.around.change(outputs).collect::<Vec<_>>(), &mut next);
+        scratch.features.apply(before, &self.around.change(outputs).collect_vec(), &mut next);
         wrap_state(&self.around.system.robot, &mut next);
         next
     }
@@ -129,8 +129,8 @@ impl Body for Robot {
     fn loss(&self, [predicted, truth]: [&Vec<f64>; 2], k: usize, weight: f64, gradient: &mut Vec<f64>) -> f64 {
         let q = 2.0 * SHARE * (k as f64).sqrt();
         let (error, mut by_error) = (difference(&self.around.system.robot, truth, predicted), self.level());
-        let numbers = error.iter().zip(&self.units).zip(&self.weights).zip(&mut by_error);
-        let total = numbers.map(|(((e, unit), share), by)| bent(*e, unit * q, weight * share, by)).sum();
+        let numbers = izip!(&error, &self.units, &self.weights, &mut by_error);
+        let total = numbers.map(|(e, unit, share, by)| bent(*e, unit * q, weight * share, by)).sum();
         difference_back(&self.around.system.robot, truth, predicted, &by_error, gradient);
         total
     }
@@ -168,23 +168,24 @@ impl Body for Robot {
     }
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
-        let rows = validation_rows(motions.len() * motions.frames, frames);
-        let one = |(scratch, memory): &mut (Scratch, Memory), row: &u64| {
-            let place =
-                Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
-            let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
-            let events = self.look(&before, (motions, &place), scratch, &mut tokens);
-            let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
-            let after = self.advance(&before, &events, &outputs, scratch);
-            let truth = self.truth(motions, &Place { frame: place.frame + 1, ..place });
-            let size = |a: &[f64], b: &[f64]| {
-                let error = difference(&self.around.system.robot, a, b);
-                let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
-                velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
-            };
-            (size(&truth, &after), size(&truth, &before))
-        };
-        let sums: Vec<(f64, f64)> = rows.par_iter().map_init(|| (self.memory(), Memory::default()), one).collect();
-        sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+        ratio(
+            motions,
+            frames,
+            || (self.memory(), Memory::default()),
+            |(scratch, memory), motion, frame| {
+                let place = Place { motion, frame, view: () };
+                let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
+                let events = self.look(&before, (motions, &place), scratch, &mut tokens);
+                let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
+                let after = self.advance(&before, &events, &outputs, scratch);
+                let truth = self.truth(motions, &Place { frame: frame + 1, ..place });
+                let size = |a: &[f64], b: &[f64]| {
+                    let error = difference(&self.around.system.robot, a, b);
+                    let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
+                    velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
+                };
+                (size(&truth, &after), size(&truth, &before))
+            },
+        )
     }
 }

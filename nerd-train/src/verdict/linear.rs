@@ -19,7 +19,7 @@ pub(super) struct Linear {
 }
 
 impl Stream for Linear {
-    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
         let (weights, added) = self.weights.split_at(self.weights.len() - self.outputs);
         let inputs = weights.len() / self.outputs;
         out.clear();

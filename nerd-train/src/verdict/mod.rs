@@ -13,7 +13,7 @@ use nerd_model::solver::learned;
 use nerd_sim::instruments::{Hold, Recorder, Replay, Shaken};
 
 use crate::cost::{on_one_core, powers, timed};
-use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
+use crate::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary, summary_names};
 use crate::prelude::*;
 use crate::spec::{RapierSpec, SolverSpec};
 use crate::stats::mean;
@@ -72,6 +72,10 @@ pub struct Row {
 }
 
 impl Row {
+    fn new(of: impl Into<String>, system: &System, (report, microseconds): (PassiveReport, f64)) -> Self {
+        let PassiveReport { error, diverged, .. } = report;
+        Self { of: of.into(), errors: summary(system, &error), microseconds, diverged }
+    }
     /// Mean error over the quantities.
     pub fn mean(&self) -> f64 {
         mean(&self.errors)
@@ -92,12 +96,12 @@ pub fn verdict(
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);
     }
-    let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
+    let truth = Truth::named(&model.config.truth)?;
     let maps = linear::maps(model, linear::windows(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?);
     let own = SolverSpec::from(truth).config(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
-    let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
+    let counts = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect_vec();
     let bar =
         bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
     let found = on_one_core(|| {
@@ -108,48 +112,29 @@ pub fn verdict(
             let compare = |solver: &mut dyn Solver| {
                 passive(system, scene, &mut Replay::new(&recorder.frames), solver, protocol, &mut |_| ())
             };
-            let (report, microseconds) = timed(solver, protocol.starts * protocol.steps, compare)?;
-            Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
+            Ok(Row::new(of, system, timed(solver, protocol.starts * protocol.steps, compare)?))
         };
-        let [base, own, linear] = common(model, system, maps, &row)?;
-        let mut articulated: Vec<Row> = Vec::new();
+        let mut found = common(model, system, (scene, truth.name(), protocol), maps, &row)?;
         for n in counts {
-            if articulated.last().is_none_or(|last| last.mean() > own.mean()) {
+            if found.articulated.last().is_none_or(|last| last.mean() > found.model.mean()) {
                 let config = ArticulatedConfig { substeps: n, contact_substeps: n, ..config };
                 let mut next = row(&format!("articulated x{n}"), Box::new(Articulated::new(config)))?;
                 if next.errors.iter().all(|e| *e == 0.0) {
                     next.of += " (the truth)";
                 }
-                articulated.push(next);
+                found.articulated.push(next);
             }
         }
-        let (hold, mut beside) = (None, Vec::new());
         if truth == Truth::Rapier {
             for share in [2, 4, 1] {
                 let spec = SolverSpec::rapier(RapierSpec::default().steps / share);
-                beside.push(row(
-                    &format!("{spec}{}", if share == 1 { " (the truth)" } else { "" }),
-                    spec.solver(system, 1)?,
-                )?);
+                let name = format!("{spec}{}", if share == 1 { " (the truth)" } else { "" });
+                found.beside.push(row(&name, spec.solver(system, 1)?)?);
             }
             let shaken = Shaken::new(truth.solver(system), SHAKE, protocol.seed);
-            beside.push(row(&format!("the truth, shaken by {SHAKE:.0e}"), Box::new(shaken))?);
+            found.beside.push(row(&format!("the truth, shaken by {SHAKE:.0e}"), Box::new(shaken))?);
         }
-        let (robot, quantities) = (system.name.clone(), summary_names(system));
-        let (scene, truth) = (scene.name.clone(), truth.name());
-        Ok::<_, Error>(Verdict {
-            robot,
-            scene,
-            truth,
-            protocol,
-            quantities,
-            model: own,
-            base,
-            hold,
-            linear,
-            articulated,
-            beside,
-        })
+        Ok::<_, Error>(found)
     })?;
     bar.finish();
     Ok(Some(found))
@@ -158,8 +143,14 @@ pub fn verdict(
 /// Evaluates a solver under a name.
 type Rower<'a> = dyn Fn(&str, Box<dyn Solver>) -> Result<Row> + 'a;
 
-/// Rows of the base alone, of the model and of the best linear map.
-fn common(model: &Model, system: &Arc<System>, maps: Vec<linear::Linear>, row: &Rower) -> Result<[Row; 3]> {
+/// A verdict with the rows of the base alone, of the model and of the best linear map.
+fn common(
+    model: &Model,
+    system: &Arc<System>,
+    (scene, truth, protocol): (&Scene, String, PassiveConfig),
+    maps: Vec<linear::Linear>,
+    row: &Rower,
+) -> Result<Verdict> {
     let name = match model.config.base {
         Base::State => "base alone (hold last)",
         Base::Trapezoid => "base alone (constant velocity)",
@@ -171,7 +162,9 @@ fn common(model: &Model, system: &Arc<System>, maps: Vec<linear::Linear>, row: &
     let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
         refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);
     };
-    Ok([base, own, linear])
+    let (robot, scene, quantities) = (system.name.clone(), scene.name.clone(), summary_names(system));
+    let (hold, articulated, beside) = Default::default();
+    Ok(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
 }
 
 impl Verdict {

@@ -5,7 +5,7 @@ use nerd_sim::instruments::{Hold, Replay};
 
 use super::{Row, Verdict, common, linear};
 use crate::cost::{on_one_core, timed};
-use crate::evaluate::{Action, PassiveConfig, Pieces, summary, summary_names};
+use crate::evaluate::{Action, PassiveConfig, Pieces};
 use crate::measured::Measured;
 use crate::prelude::*;
 use crate::prepare::tokens;
@@ -38,55 +38,36 @@ pub fn recorded(
         return Ok(None);
     }
     let system = &measured.log.system;
-    let some: Vec<_> = measured.learned.iter().step_by((measured.size()[1] / ENOUGH).max(1)).cloned().collect();
+    let some = measured.learned.iter().step_by((measured.size()[1] / ENOUGH).max(1)).cloned().collect_vec();
     let windows = tokens(system, &measured.recording(&some, FRAMES, 1)?, 1, model.config.form());
     let maps = linear::maps(model, windows);
     let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);
     let of = |pieces: &Pieces, of: &str, solver: Box<dyn Solver>| -> Result<Row> {
         bar.add(1);
-        let (report, microseconds) =
-            timed(solver, pieces.count() * pieces.torques.len(), |solver| pieces.compare(solver))?;
-        Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
+        let frames = pieces.count() * pieces.torques.len();
+        Ok(Row::new(of, system, timed(solver, frames, |solver| pieces.compare(solver))?))
     };
     let row = |name: &str, solver: Box<dyn Solver>| of(pieces, name, solver);
+    let action = Action::Recorded(pieces.before);
+    let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action };
     let found = on_one_core(|| {
-        let [base, own, linear] = common(model, system, maps, &row)?;
-        let hold = if model.config.base == Base::State { None } else { Some(row("hold last", Box::new(Hold))?) };
-        let mut articulated = Vec::new();
+        let mut found = common(model, system, (&pieces.scenes[0], measured.truth.clone(), protocol), maps, &row)?;
+        if model.config.base != Base::State {
+            found.hold = Some(row("hold last", Box::new(Hold))?);
+        }
         for (name, subject) in analytic {
             let pieces = seen(pieces, subject);
             let Engine::Articulated(config) = subject.engine else { continue };
             match of(&pieces, &format!("articulated, {name}"), Box::new(Articulated::new(config))) {
-                Ok(row) => articulated.push(row),
+                Ok(row) => found.articulated.push(row),
                 Err(reason) => tell!("articulated, {name}: left out, {reason}"),
             }
         }
-        let beside = beside.map(|Beside { of, states, microseconds }| {
+        if let Some(Beside { of, states, microseconds }) = beside {
             let report = pieces.seen(0).compare(&mut Replay::new(&states))?;
-            Ok::<_, Error>(Row { of, errors: summary(system, &report.error), microseconds, diverged: report.diverged })
-        });
-        let protocol = PassiveConfig {
-            starts: pieces.count(),
-            steps: pieces.frames(),
-            seed: 0,
-            action: Action::Recorded(pieces.before),
-        };
-        let (robot, scene, truth) = (system.name.clone(), pieces.scenes[0].name.clone(), measured.truth.clone());
-        let quantities = summary_names(system);
-        let beside = Vec::from_iter(beside.transpose()?);
-        Ok::<_, Error>(Verdict {
-            robot,
-            scene,
-            truth,
-            protocol,
-            quantities,
-            model: own,
-            base,
-            hold,
-            linear,
-            articulated,
-            beside,
-        })
+            found.beside.push(Row::new(of, system, (report, microseconds)));
+        }
+        Ok::<_, Error>(found)
     })?;
     bar.finish();
     Ok(Some(found))

@@ -1,5 +1,6 @@
 //! A verdict in words: a small table, and one line of advice.
 
+use itertools::Itertools;
 use std::fmt;
 
 use super::{Row, Verdict};
@@ -14,7 +15,7 @@ impl Verdict {
         let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
         let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last];
         let cells = |row: &Row| {
-            let times: Vec<String> = self.times(row).into_iter().map(short).collect();
+            let times = self.times(row).into_iter().map(short).collect_vec();
             let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
             let time = if row.microseconds > 0.0 { digits(row.microseconds) } else { "-".into() };
             vec![row.of.clone() + &lost, pair(&row.errors), times.join(" / "), time]

@@ -1,7 +1,7 @@
 //! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu;
 //! 1, below 0 `y + 1`, for elu. The forward pass stores the derivative of gelu. NaNs propagate.
 
-use std::f32::consts::FRAC_1_SQRT_2;
+use std::f32::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
 
 use pulp::Arch;
 
@@ -37,18 +37,23 @@ pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     });
 }
 
+/// Gelu over x, and its derivative.
+#[inline(always)]
+fn share_and_slope(x: f32) -> (f32, f32) {
+    let (erf, bell) = erf_and_bell(x * FRAC_1_SQRT_2);
+    let share = 0.5 * (1.0 + erf);
+    (share, share + x * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI))
+}
+
 /// Adjoint of [`gate`]: `dx` from `dy`.
 pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
-    use std::f32::consts::FRAC_2_SQRT_PI;
     dx.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
         for ((x, dx), dy) in x.chunks_exact(width).zip(dx.chunks_exact_mut(width)).zip(dy.chunks_exact(width / 2)) {
             let ((a, b), (da, db)) = (x.split_at(width / 2), dx.split_at_mut(width / 2));
             for ((((a, b), da), db), dy) in a.iter().zip(b).zip(da).zip(db).zip(dy) {
-                let (erf, bell) = erf_and_bell(a * FRAC_1_SQRT_2);
-                let share = 0.5 * (1.0 + erf);
-                *da = dy * b * (share + a * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI));
-                *db = dy * a * share;
+                let (share, slope) = share_and_slope(*a);
+                (*da, *db) = (dy * b * slope, dy * a * share);
             }
         }
     });
@@ -56,14 +61,11 @@ pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
 
 /// `active = x (1 + erf(x / sqrt 2)) / 2`. Replaces x by the derivative, so that the backward pass only multiplies.
 fn gelu_and_derivative(x: &mut [f32], active: &mut Vec<f32>) {
-    use std::f32::consts::FRAC_2_SQRT_PI;
     active.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
         for (x, active) in x.iter_mut().zip(active.iter_mut()) {
-            let (erf, bell) = erf_and_bell(*x * FRAC_1_SQRT_2);
-            let share = 0.5 * (1.0 + erf);
-            *active = *x * share;
-            *x = share + *x * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI);
+            let (share, slope) = share_and_slope(*x);
+            (*active, *x) = (*x * share, slope);
         }
     });
 }

@@ -122,7 +122,7 @@ fn products(a: &[f32], b: &[f32]) -> f32 {
 
 /// Adds the sum of all rows to `out`.
 pub fn sum_rows(rows: &[f32], out: &mut [f32]) {
-    rows.chunks_exact(out.len()).for_each(|row| out.iter_mut().zip(row).for_each(|(o, x)| *o += x));
+    rows.chunks_exact(out.len()).for_each(|row| super::add(out, row));
 }
 
 #[cfg(test)]

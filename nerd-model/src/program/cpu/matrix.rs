@@ -131,20 +131,12 @@ impl Product<'_> {
                 let mut outs = out.chunks_exact_mut(R * outer);
                 let mut row = 0;
                 for out in &mut outs {
-                    let sums = if across {
-                        tile_across(simd, x, rows, row, panel)
-                    } else {
-                        tile(simd, &x[row * inner..], panel)
-                    };
+                    let sums = tile(simd, x, (rows, row, across), panel);
                     store::<S, R, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += R;
                 }
                 for out in outs.into_remainder().chunks_exact_mut(outer) {
-                    let sums = if across {
-                        tile_across(simd, x, rows, row, panel)
-                    } else {
-                        tile(simd, &x[row * inner..], panel)
-                    };
+                    let sums = tile(simd, x, (rows, row, across), panel);
                     store::<S, 1, V>(simd, sums, out, outer, columns.clone(), (add, bias));
                     row += 1;
                 }
@@ -153,31 +145,25 @@ impl Product<'_> {
     }
 }
 
-/// Products of R rows of x with one panel.
+/// Products of R rows of x, or across of R columns of x `[inner, rows]`, from `row` on, with one panel.
 #[inline(always)]
-fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S::f32s; V]]) -> [[S::f32s; V]; R] {
-    let inner = panel.len();
-    let rows: [&[f32]; R] = std::array::from_fn(|r| &x[r * inner..][..inner]);
-    let mut sums = [[simd.splat_f32s(0.0); V]; R];
-    for k in 0..inner {
-        add::<S, R, V>(simd, std::array::from_fn(|r| rows[r][k]), &panel[k], &mut sums);
-    }
-    sums
-}
-
-/// Products of R columns of x `[inner, rows]`, from column `row` on, with one panel.
-#[inline(always)]
-fn tile_across<S: Simd, const R: usize, const V: usize>(
+fn tile<S: Simd, const R: usize, const V: usize>(
     simd: S,
     x: &[f32],
-    rows: usize,
-    row: usize,
+    (rows, row, across): (usize, usize, bool),
     panel: &[[S::f32s; V]],
 ) -> [[S::f32s; V]; R] {
-    let mut sums = [[simd.splat_f32s(0.0); V]; R];
-    for (x, panel) in x.chunks_exact(rows).zip(panel) {
-        let x = &x[row..][..R];
-        add::<S, R, V>(simd, std::array::from_fn(|r| x[r]), panel, &mut sums);
+    let (inner, mut sums) = (panel.len(), [[simd.splat_f32s(0.0); V]; R]);
+    if across {
+        for (x, panel) in x.chunks_exact(rows).zip(panel) {
+            let x = &x[row..][..R];
+            add::<S, R, V>(simd, std::array::from_fn(|r| x[r]), panel, &mut sums);
+        }
+        return sums;
+    }
+    let rows: [&[f32]; R] = std::array::from_fn(|r| &x[(row + r) * inner..][..inner]);
+    for k in 0..inner {
+        add::<S, R, V>(simd, std::array::from_fn(|r| rows[r][k]), &panel[k], &mut sums);
     }
     sums
 }

@@ -11,6 +11,8 @@ mod elementwise;
 mod matrix;
 mod neighbours;
 
+use std::ops::AddAssign;
+
 use attend::Attention;
 pub(crate) use attend::Ring;
 use elementwise::normalize;
@@ -207,7 +209,12 @@ impl Pass<'_> {
 }
 
 fn add_to_rows(x: &mut [f32], row: &[f32]) {
-    x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += r));
+    x.chunks_exact_mut(row.len()).for_each(|x| add(x, row));
+}
+
+/// Adds numbers to as many sums.
+pub fn add<T: Copy + AddAssign>(sums: &mut [T], numbers: &[T]) {
+    sums.iter_mut().zip(numbers).for_each(|(sum, x)| *sum += *x);
 }
 
 /// A spare buffer, preferably of this length: another would have to be filled first.

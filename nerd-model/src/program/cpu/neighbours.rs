@@ -23,7 +23,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
         for (k, upstream) in upstream.chunks_exact(3 * width).enumerate() {
             for (other, upstream) in places(k, tokens, apart).into_iter().zip(upstream.chunks_exact(width)) {
                 let Some(other) = other else { continue };
-                dx[other * width..][..width].iter_mut().zip(upstream).for_each(|(dx, g)| *dx += g);
+                super::add(&mut dx[other * width..][..width], upstream);
             }
         }
     }

@@ -23,12 +23,12 @@ pub(super) struct Attention {
 }
 
 impl Attention {
-    pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> Result<Self, LearnError> {
+    pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> LearnResult<Self> {
         let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
         if !width.is_multiple_of(4 * heads) || tokens > TOKENS || shape.seen > 32 {
-            return Err(LearnError::Mismatch(format!(
+            mismatch!(
                 "attention on the device has windows of 32 tokens at most, sequences of {TOKENS}, and heads of 4, 8, 12 .. columns: {shape:?}"
-            )));
+            );
         }
         let fits = |group: &usize| {
             let shape = Self { group: *group, ..shape };
@@ -66,9 +66,9 @@ impl Attention {
         self.seen * 2 * self.width
     }
 
-    pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
+    pub fn forward(&self, d: &Device, windows: usize, qkv: u64, out: u64, rotations: u64) -> DeviceResult {
         let (grid, threads) = self.blocks(windows);
-        d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(rotations)])
+        d.launch("attention_forward", grid, threads, self.shared().0, &args![qkv, out, rotations])
     }
 
     /// Gradient of `qkv` from the gradient `gradient` of the output.
@@ -80,26 +80,15 @@ impl Attention {
         gradient: u64,
         out: u64,
         rotations: u64,
-    ) -> Result<(), DeviceError> {
+    ) -> DeviceResult {
         let (grid, threads) = self.blocks(windows);
-        d.launch(
-            "attention_backward",
-            grid,
-            threads,
-            self.shared().1,
-            &[Ptr(qkv), Ptr(gradient), Ptr(out), Ptr(rotations)],
-        )
+        d.launch("attention_backward", grid, threads, self.shared().1, &args![qkv, gradient, out, rotations])
     }
 
     /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
-    pub fn stream(
-        &self,
-        d: &Device,
-        rows: usize,
-        [qkv, ring, taken, out, rotations]: [u64; 5],
-    ) -> Result<(), DeviceError> {
-        let args = [Ptr(qkv), Ptr(ring), Ptr(taken), Ptr(out), Ptr(rotations), Int(rows)];
-        d.launch("attention_stream", ((rows * self.heads).div_ceil(8), 1), (256, 1), 0, &args)
+    pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> DeviceResult {
+        let args = args![qkv, ring, taken, out, rotations, rows];
+        d.launch_blocks("attention_stream", (rows * self.heads).div_ceil(8), 256, &args)
     }
 
     fn blocks(&self, windows: usize) -> ((usize, usize), (usize, usize)) {

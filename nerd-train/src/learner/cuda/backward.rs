@@ -55,13 +55,7 @@ impl Network {
     /// [`Network::forward`]. Writes gradients of the parameters at `w` to `to`, and of the tokens, `[rows][T][inputs]`,
     /// to `by_tokens`, where given. Parameters that no step reads keep their old gradient. The first row must lie at a
     /// multiple of four floats in every slot.
-    pub fn backward(
-        &self,
-        w: u64,
-        to: Option<u64>,
-        rows: Range<usize>,
-        by_tokens: Option<u64>,
-    ) -> Result<(), DeviceError> {
+    pub fn backward(&self, w: u64, to: Option<u64>, rows: Range<usize>, by_tokens: Option<u64>) -> DeviceResult {
         let Some(back) = &self.back else {
             return Err(DeviceError("the network was built without a backward pass".into()));
         };
@@ -90,7 +84,7 @@ impl Walk<'_> {
         self.net.at(slot) + 4 * (self.first * self.net.plan.tokens * self.net.plan.width(slot)) as u64
     }
 
-    fn part(&mut self, i: usize, w: u64) -> Result<(), DeviceError> {
+    fn part(&mut self, i: usize, w: u64) -> DeviceResult {
         let (net, plan) = (self.net, &self.net.plan);
         let n = self.rows * plan.tokens;
         match plan.parts[i] {
@@ -140,7 +134,7 @@ impl Walk<'_> {
         }
     }
 
-    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64) -> Result<(), DeviceError> {
+    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64) -> DeviceResult {
         let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
         let (n, width) = (self.rows * plan.tokens, plan.width(from));
         let dy = self.slope(to)?;
@@ -153,8 +147,8 @@ impl Walk<'_> {
             // The gradient is overwritten in place.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
-            let args = [Ptr(self.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
-            return net.launch_each(activation_kernels(f)[1], quads, &args);
+            let args = args![self.at(from), bias, dy.at, width, quads];
+            return d.launch_each(activation_kernels(f)[1], quads, 256, &args);
         }
         let before = self.slopes[from.0];
         let dx = self.take(from)?;
@@ -162,8 +156,8 @@ impl Walk<'_> {
             Op::Norm => {
                 let earlier = before.map_or(0, |slope| slope.at);
                 let saved = net.saved[i].at(self.first * plan.tokens);
-                let args = [Ptr(dy.at), Ptr(self.at(to)), Ptr(saved), Ptr(earlier), Ptr(dx.at), Int(n)];
-                d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
+                let args = args![dy.at, self.at(to), saved, earlier, dx.at, n];
+                d.launch_blocks("norm_backward", n.div_ceil(8), 256, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
             Op::Attend { .. } => {
@@ -171,13 +165,13 @@ impl Walk<'_> {
                 plan.attention.map_or(Ok(()), back)?;
             }
             Op::Neighbours(apart) => {
-                let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
-                net.launch_each("neighbours_backward", n * width, &args)?;
+                let args = args![dy.at, dx.at, width, apart, n * width];
+                d.launch_each("neighbours_backward", n * width, 256, &args)?;
             }
             Op::Gate => {
                 let quads = n * width / 8;
-                let args = [Ptr(self.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
-                net.launch_each("gate_backward", quads, &args)?;
+                let args = args![self.at(from), dy.at, dx.at, width / 2, quads];
+                d.launch_each("gate_backward", quads, 256, &args)?;
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
         }
@@ -192,7 +186,7 @@ impl Walk<'_> {
     }
 
     /// Launches the queued weight gradients on the side stream, after the main stream's work so far.
-    fn give(&mut self) -> Result<(), DeviceError> {
+    fn give(&mut self) -> DeviceResult {
         let d = &self.net.device;
         d.mark(Lane::Main, &self.back.fork)?;
         d.after(Lane::Side, &self.back.fork)?;
@@ -207,7 +201,7 @@ impl Walk<'_> {
     }
 
     /// `dx = dy W^T + beta dx`.
-    fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, size: Size, beta: f32) -> Result<(), DeviceError> {
+    fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, size: Size, beta: f32) -> DeviceResult {
         let (Size { rows, inner, columns }, ops) = (size, (Operand::Transposed, Operand::Plain));
         self.net.device.product(
             Lane::Main,
@@ -221,7 +215,7 @@ impl Walk<'_> {
     }
 
     /// Gradient with respect to a slot of the program, summed over the steps that read it.
-    fn slope(&self, slot: Slot) -> Result<Slope, DeviceError> {
+    fn slope(&self, slot: Slot) -> DeviceResult<Slope> {
         self.slopes[slot.0].ok_or_else(|| DeviceError(format!("{slot:?} of the program is written and not read")))
     }
 
@@ -231,7 +225,7 @@ impl Walk<'_> {
 
     /// A buffer for a slot's gradient: a free buffer that the side stream does not read, or else a new one. From
     /// [`SOME`] buffers on, the one that has been free longest.
-    fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
+    fn take(&mut self, slot: Slot) -> DeviceResult<Slope> {
         let len = (self.rows * self.net.plan.tokens * self.net.plan.width(slot)).next_multiple_of(4);
         let mut buffers = self.back.buffers.borrow_mut();
         let long = |buffer: &usize| buffers[*buffer].0.len == len;
@@ -254,7 +248,7 @@ impl Walk<'_> {
     }
 
     /// Before a buffer is overwritten, makes the main stream wait until the side stream has read it.
-    fn settle(&mut self, slope: Slope) -> Result<(), DeviceError> {
+    fn settle(&mut self, slope: Slope) -> DeviceResult {
         let Some(buffer) = slope.buffer.filter(|buffer| std::mem::take(&mut self.read[*buffer])) else { return Ok(()) };
         if !self.waiting.is_empty() {
             self.give()?;

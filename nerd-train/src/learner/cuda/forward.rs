@@ -22,24 +22,24 @@ impl CudaForward {
     /// # Errors
     /// [`LearnError::Mismatch`] if the network's shape has no kernels. [`LearnError::Device`] if there is no GPU, a
     /// library is missing or memory runs out.
-    pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> Result<Self, LearnError> {
+    pub fn new(weights: &Weights, precision: Precision, max_windows: usize) -> LearnResult<Self> {
         let plan = Plan::of(&weights.config, weights.config.history)?;
         if plan.program.steps.iter().any(|step| matches!(step.op, Op::Attend { band: Some(_), .. })) {
-            return Err(LearnError::Mismatch("rotary positions are evaluated token by token, by CudaStream".into()));
+            mismatch!("rotary positions are evaluated token by token, by CudaStream");
         }
         let (network, weights) = Network::with_weights(plan, &weights.flat, max_windows, precision, false)?;
         Ok(Self { passes: Replay::keeping(SIZES), last: network.device.zeros(max_windows)?, network, weights })
     }
 
-    fn newest(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), LearnError> {
+    fn newest(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> LearnResult {
         let (width, history, windows, most) =
             (self.network.plan.inputs(), self.network.plan.tokens, last.len(), self.network.rows);
         let fits = tokens <= history && windows <= most && inputs.len() == windows * tokens * width;
         if !fits || last.iter().any(|&l| l as usize >= tokens) {
             let have = inputs.len();
-            return Err(LearnError::Mismatch(format!(
+            mismatch!(
                 "{have} inputs for {windows} windows of {tokens} tokens of {width} (at most {most} windows of {history})"
-            )));
+            );
         }
         out.clear();
         out.resize(windows * self.network.plan.outputs(), 0.0);
@@ -58,7 +58,7 @@ impl CudaForward {
 }
 
 impl Forward for CudaForward {
-    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> ForwardResult {
         Ok(self.newest(inputs, tokens, last, out)?)
     }
 }

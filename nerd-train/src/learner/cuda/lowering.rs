@@ -5,7 +5,7 @@ use super::*;
 
 impl Plan {
     /// Lowers `program` for windows of `tokens` tokens. Refuses a program that the kernels do not cover.
-    pub fn new(program: Program, tokens: usize) -> Result<Self, LearnError> {
+    pub fn new(program: Program, tokens: usize) -> LearnResult<Self> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
         let mut plan = Self {
             tokens,
@@ -20,10 +20,7 @@ impl Plan {
         };
         // Kernels index the flat vector with 31 bits.
         if plan.parameters() > i32::MAX as usize / 4 {
-            return Err(LearnError::Mismatch(format!(
-                "{} parameters are too many for the CUDA engine",
-                plan.parameters()
-            )));
+            mismatch!("{} parameters are too many for the CUDA engine", plan.parameters());
         }
         for i in 0..plan.program.steps.len() {
             plan.check_slots(i)?;
@@ -31,15 +28,13 @@ impl Plan {
         }
         plan.fuse_shifts();
         if plan.independent_from() == plan.parts.len() {
-            return Err(LearnError::Mismatch(
-                "the CUDA engine needs a last operation in which tokens are independent".into(),
-            ));
+            mismatch!("the CUDA engine needs a last operation in which tokens are independent");
         }
         Ok(plan)
     }
 
     /// Refuses step `i` if it shares a slot with other steps and the backward pass cannot handle that.
-    fn check_slots(&self, i: usize) -> Result<(), LearnError> {
+    fn check_slots(&self, i: usize) -> LearnResult {
         let (steps, Step { from, to, op }) = (&self.program.steps, self.program.steps[i]);
         let linear = matches!(op, Op::Linear { .. });
         if from == Slot(0) && !linear || to == Slot(0) {
@@ -63,7 +58,7 @@ impl Plan {
         Ok(())
     }
 
-    fn add(&mut self, step: Step) -> Result<(), LearnError> {
+    fn add(&mut self, step: Step) -> LearnResult {
         let Step { from, to, op } = step;
         match op {
             Op::Linear { weight, scale, bias, add } => {
@@ -135,7 +130,7 @@ impl Plan {
     }
 }
 
-fn refuse<T>(what: &str) -> Result<T, LearnError> {
+fn refuse<T>(what: &str) -> LearnResult<T> {
     Err(LearnError::Mismatch(format!("{what} for the CUDA engine")))
 }
 

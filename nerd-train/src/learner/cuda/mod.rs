@@ -21,11 +21,11 @@ mod resident;
 mod stream;
 mod trainer;
 
-use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, DeviceResult, Event, Lane, Replay, args};
 use nerd_model::program::{Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::Windowed;
 
+use super::mismatch;
 use crate::prelude::*;
 use attention::Attention;
 use plan::Part;
@@ -42,7 +42,7 @@ pub use trainer::CudaLearner;
 
 /// The engine of a network for at most `envs` environments: one token per frame if the network allows, or else whole
 /// windows.
-pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {
+pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> LearnResult<Box<dyn Stream>> {
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),
         Err(_) => Box::new(Windowed::new(CudaForward::new(weights, precision, envs)?, weights.config)),

@@ -7,7 +7,7 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM, hidden, others};
+use crate::learner::muon::{COEFFICIENTS, ITERATIONS, MOMENTUM, hidden, others};
 use nerd_cuda::{Batch, Op};
 
 /// All hidden matrices of one shape.
@@ -32,12 +32,12 @@ pub(super) struct Muon {
 }
 
 impl Muon {
-    pub fn new(device: &Device, network: &TransformerConfig) -> Result<Self, LearnError> {
+    pub fn new(device: &Device, network: &TransformerConfig) -> LearnResult<Self> {
         let (hidden, mut entries) = (hidden(network).concat(), vec![1u8; network.parameters()]);
         others(network).into_iter().for_each(|run| entries[run].fill(0));
         let shapes = hidden.iter().map(|h| (h.rows, h.columns)).collect::<BTreeSet<_>>();
-        let group = |((rows, columns), lane): ((usize, usize), Lane)| -> Result<Group, LearnError> {
-            let matrices: Vec<&Hidden> = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect();
+        let group = |((rows, columns), lane): ((usize, usize), Lane)| -> LearnResult<Group> {
+            let matrices = hidden.iter().filter(|h| (h.rows, h.columns) == (rows, columns)).collect_vec();
             let count = matrices.len();
             let table: Vec<[i32; 4]> =
                 matrices.iter().map(|h| [h.offset as i32, h.stride as i32, i32::from(h.transposed), 0]).collect();
@@ -55,7 +55,7 @@ impl Muon {
             })
         };
         if shapes.is_empty() {
-            return Err(LearnError::Mismatch("a network without hidden matrices".into()));
+            mismatch!("a network without hidden matrices");
         }
         let lanes = [Lane::Main, Lane::Side].into_iter().cycle();
         let groups = shapes.into_iter().zip(lanes).map(group).collect::<Result<_, _>>()?;
@@ -64,7 +64,7 @@ impl Muon {
 
     /// Updates all hidden matrices, after the main stream's work so far. `vectors`: addresses of weights, gradients,
     /// momentum, average.
-    pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
+    pub fn update(&self, d: &Device, vectors: [u64; 4], scalars: u64) -> DeviceResult {
         d.mark(Lane::Main, &self.fork)?;
         d.after(Lane::Side, &self.fork)?;
         self.groups.iter().try_for_each(|g| g.update(d, vectors, scalars))?;
@@ -74,54 +74,30 @@ impl Muon {
 }
 
 impl Group {
-    fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> Result<(), DeviceError> {
+    fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> DeviceResult {
         let (r, c, n) = (self.rows, self.columns, self.count);
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;
-        let shape = [Int(r), Int(c)];
         let mut x = (&self.x[0], &self.x[1]);
-        let pack = [
-            Ptr(gradients),
-            Ptr(m),
-            Ptr(x.0.ptr),
-            Ptr(self.table.ptr),
-            Ptr(scalars),
-            Float(MOMENTUM),
-            shape[0],
-            shape[1],
-        ];
-        d.launch_on(self.lane, "muon_pack", grid(r * c), (256, 1), 0, &pack)?;
-        d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &[Ptr(x.0.ptr), Int(r * c)])?;
-        let (wide, square) = (r * c, r * r);
+        let (wide, square, table) = (r * c, r * r, &self.table);
+        let pack = args![gradients, m, x.0, table, scalars, MOMENTUM, r, c];
+        d.launch_on(self.lane, "muon_pack", grid(wide), (256, 1), 0, &pack)?;
+        d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &args![x.0, wide])?;
+        let [gram, polynomial] = [&self.gram, &self.polynomial].map(|of| (of.ptr, r, square));
+        let product =
+            |ops, size, a, b, to| d.products(self.lane, Batch { ops: (ops, Op::Plain), size, count: n }, a, b, to);
         for _ in 0..ITERATIONS {
             // Row-major X [r, c] is column-major X^T: X X^T = (X^T)^T X^T.
-            let gram = Batch { ops: (Op::Transposed, Op::Plain), size: (r, r, c), count: n };
-            d.products(self.lane, gram, (x.0.ptr, c, wide), (x.0.ptr, c, wide), (self.gram.ptr, r, square))?;
-            let squared = Batch { ops: (Op::Plain, Op::Plain), size: (r, r, r), count: n };
-            d.products(
-                self.lane,
-                squared,
-                (self.gram.ptr, r, square),
-                (self.gram.ptr, r, square),
-                (self.polynomial.ptr, r, square),
-            )?;
-            let blend = [Ptr(self.gram.ptr), Ptr(self.polynomial.ptr), Float(a), Float(b), Float(k), Int(r)];
-            d.launch_on(self.lane, "muon_polynomial", grid(r * r), (256, 1), 0, &blend)?;
+            let [own, next] = [x.0, x.1].map(|of| (of.ptr, c, wide));
+            product(Op::Transposed, (r, r, c), own, own, gram)?;
+            product(Op::Plain, (r, r, r), gram, gram, polynomial)?;
+            let blend = args![&self.gram, &self.polynomial, a, b, k, r];
+            d.launch_on(self.lane, "muon_polynomial", grid(square), (256, 1), 0, &blend)?;
             // P is symmetric: (P X)^T = X^T P.
-            let next = Batch { ops: (Op::Plain, Op::Plain), size: (c, r, r), count: n };
-            d.products(self.lane, next, (x.0.ptr, c, wide), (self.polynomial.ptr, r, square), (x.1.ptr, c, wide))?;
+            product(Op::Plain, (c, r, r), own, polynomial, next)?;
             x = (x.1, x.0);
         }
-        let apply = [
-            Ptr(weights),
-            Ptr(average),
-            Ptr(x.0.ptr),
-            Ptr(self.table.ptr),
-            Ptr(scalars),
-            Float(self.gain),
-            shape[0],
-            shape[1],
-        ];
-        d.launch_on(self.lane, "muon_apply", grid(r * c), (256, 1), 0, &apply)
+        let apply = args![weights, average, x.0, table, scalars, self.gain, r, c];
+        d.launch_on(self.lane, "muon_apply", grid(wide), (256, 1), 0, &apply)
     }
 }

@@ -49,13 +49,13 @@ pub(super) struct BackwardMemory {
 
 impl Network {
     /// Opens the GPU and allocates memory. `train` adds memory for the backward pass.
-    pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> Result<Self, LearnError> {
+    pub fn new(plan: Plan, rows: usize, precision: Precision, train: bool) -> LearnResult<Self> {
         let layout = plan.layout(train);
         // Kernels, products and launches count entries and blocks in 31 bits.
         let warps = plan.attention.map_or(32, |a| 32 * a.heads);
         let most = i32::MAX as usize / (plan.tokens * layout.widths.iter().fold(warps, |most, width| most.max(*width)));
         if !(1..=most).contains(&rows) {
-            return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
+            mismatch!("{rows} rows at once: 1 to {most} fit the CUDA engine");
         }
         let (text, kernels) = source(&plan);
         let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
@@ -90,7 +90,7 @@ impl Network {
             chosen: chosen
                 .into_iter()
                 .map(|slot| Ok((slot, zeros(rows * plan.width(slot))?)))
-                .collect::<Result<_, DeviceError>>()?,
+                .collect::<DeviceResult<_>>()?,
             folded: zeros(plan.folded)?,
             folds: device.upload(&plan.folds)?,
             rotations: device.upload(&plan.attention.map_or(Vec::new(), |a| a.rotations(&plan.program.frequencies)))?,
@@ -113,10 +113,10 @@ impl Network {
         rows: usize,
         precision: Precision,
         train: bool,
-    ) -> Result<(Self, Buffer<f32>), LearnError> {
+    ) -> LearnResult<(Self, Buffer<f32>)> {
         let parameters = plan.parameters();
         if flat.len() != parameters {
-            return Err(LearnError::Mismatch(format!("{} weights for a network of {parameters}", flat.len())));
+            mismatch!("{} weights for a network of {parameters}", flat.len());
         }
         let exact = precision != Precision::F16 || held_in_f16(&plan.program, flat);
         let network = Self::new(plan, rows, if exact { precision } else { Precision::F32 }, train)?;
@@ -131,7 +131,7 @@ impl Network {
 
     /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. There a window has memory for all its tokens, and
     /// rows are padded. The rest of slot 0 keeps its values.
-    pub fn load(&mut self, inputs: &[f32], tokens: usize) -> Result<(), DeviceError> {
+    pub fn load(&mut self, inputs: &[f32], tokens: usize) -> DeviceResult {
         let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
         for (window, staged) in inputs.chunks_exact(tokens * width).zip(self.staging.chunks_exact_mut(all * padded)) {
@@ -165,22 +165,17 @@ impl Network {
     }
 
     /// Folds the scales of the parameters at `w` into the matrices behind them.
-    pub fn fold(&self, w: u64) -> Result<(), DeviceError> {
-        self.each_fold("fold", &[Ptr(w), Ptr(self.folded.ptr), Ptr(self.folds.ptr)])
+    pub fn fold(&self, w: u64) -> DeviceResult {
+        self.each_fold("fold", &args![w, &self.folded, &self.folds])
     }
 
     /// Turns gradients at `g` with respect to folded matrices into gradients of matrices and scales.
-    pub(super) fn unfold(&self, w: u64, g: u64) -> Result<(), DeviceError> {
-        self.each_fold("unfold", &[Ptr(w), Ptr(g), Ptr(self.folds.ptr)])
+    pub(super) fn unfold(&self, w: u64, g: u64) -> DeviceResult {
+        self.each_fold("unfold", &args![w, g, &self.folds])
     }
 
-    fn each_fold(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        if self.folds.len == 0 { Ok(()) } else { self.device.launch(kernel, (self.folds.len, 1), (128, 1), 0, args) }
-    }
-
-    /// Launches a kernel with `count` threads.
-    pub(super) fn launch_each(&self, kernel: &str, count: usize, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(kernel, (count.div_ceil(256), 1), (256, 1), 0, args)
+    fn each_fold(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
+        if self.folds.len == 0 { Ok(()) } else { self.device.launch_blocks(kernel, self.folds.len, 128, args) }
     }
 }
 
@@ -198,7 +193,7 @@ fn source(plan: &Plan) -> (String, Vec<&'static str>) {
         (any(|op| matches!(op, Op::Gate)), include_str!("kernels/gate.cu")),
         (any(|op| matches!(op, Op::Neighbours(_))), include_str!("kernels/neighbours.cu")),
     ];
-    let texts: Vec<&'static str> = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect();
+    let texts = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect_vec();
     let constants = format!(
         "constexpr int T = {tokens}, IN = {inputs}, LDX = {padded}, OUT = {outputs}, NORM = {norm};\n\
          constexpr bool BIASED = {};\n{}\n",

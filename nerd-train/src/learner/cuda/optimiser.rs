@@ -46,7 +46,7 @@ pub(crate) struct Optimiser {
 
 impl Optimiser {
     /// Resumes `state`. `beta` is Adam's second.
-    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> Result<Self, LearnError> {
+    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> LearnResult<Self> {
         let (shape, scalars) =
             (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
         let muon = match config.optimizer {
@@ -75,28 +75,23 @@ impl Optimiser {
 
     /// Makes an update from the gradients. The number behind them times `mean` is the loss: a sum of squared errors, or
     /// a chain's loss.
-    pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
-        let (p, s, beta) = (self.weights.len, Ptr(self.scalars.ptr), Double(self.beta));
-        let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));
-        d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;
-        let found = [Ptr(self.norms.ptr), Int(NORM_BLOCKS), Ptr(self.gradients.at(p)), Float(mean)];
-        let wanted = [Float(self.config.clip), Double(self.config.average), beta, s];
-        d.launch("finish", (1, 1), (256, 1), 0, &[found, wanted].concat())?;
-        let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
-        let factors = Ptr(self.scalars.ptr + offset_of!(Scalars, scale) as u64);
-        let bad = Ptr(self.scalars.ptr + offset_of!(Scalars, bad_step) as u64);
-        d.launch(
-            "adam",
-            (p.div_ceil(256), 1),
-            (256, 1),
-            0,
-            &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, Double(0.9), beta],
-        )?;
-        let vectors = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
-        self.muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, self.scalars.ptr)?))
+    pub fn update(&self, d: &Device, mean: f32) -> LearnResult {
+        let Self { weights, average, gradients, m, v, norms, scalars, muon, config, beta, .. } = self;
+        let p = weights.len;
+        d.launch_blocks("square_partial", NORM_BLOCKS, 256, &args![gradients, p, norms])?;
+        let (loss, LearnerConfig { clip, average: decay, .. }) = (gradients.at(p), *config);
+        let args = args![norms, NORM_BLOCKS, loss, mean, clip, decay, *beta, scalars];
+        d.launch_blocks("finish", 1, 256, &args)?;
+        let hidden = muon.as_ref().map_or(0, |muon| muon.entries.ptr);
+        let factors = scalars.ptr + offset_of!(Scalars, scale) as u64;
+        let bad = scalars.ptr + offset_of!(Scalars, bad_step) as u64;
+        let args = args![weights, gradients, m, v, average, factors, bad, p, hidden, 0.9_f64, *beta];
+        d.launch_each("adam", p, 256, &args)?;
+        let vectors = [weights, gradients, m, average].map(|b| b.ptr);
+        muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, scalars.ptr)?))
     }
 
-    pub fn set_lr(&mut self, d: &Device, lr: f32) -> Result<(), LearnError> {
+    pub fn set_lr(&mut self, d: &Device, lr: f32) -> LearnResult {
         if lr.to_bits() != self.lr.to_bits() {
             d.set_word(self.scalars.ptr + offset_of!(Scalars, lr) as u64, lr.to_bits())?;
             self.lr = lr;
@@ -104,7 +99,7 @@ impl Optimiser {
         Ok(())
     }
 
-    pub fn progress(&self, d: &Device) -> Result<Progress, LearnError> {
+    pub fn progress(&self, d: &Device) -> LearnResult<Progress> {
         let s = d.download(&self.scalars)?[0];
         if s.bad_step != u64::MAX {
             return Err(LearnError::NotFinite { step: s.bad_step, loss: s.bad_loss });
@@ -114,7 +109,7 @@ impl Optimiser {
         Ok(Progress { loss: (s.loss_sum / count) as f32, gradient_norm: (s.norm_sum / count) as f32 })
     }
 
-    pub fn state(&self, d: &Device) -> Result<LearnerState, LearnError> {
+    pub fn state(&self, d: &Device) -> LearnResult<LearnerState> {
         let weights = Weights { config: self.shape, flat: d.download(&self.weights)? };
         let (average, m, v) = (d.download(&self.average)?, d.download(&self.m)?, d.download(&self.v)?);
         Ok(LearnerState { step: d.download(&self.scalars)?[0].step, weights, average, m, v })

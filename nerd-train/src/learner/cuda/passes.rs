@@ -12,7 +12,7 @@ use super::network::SUMS;
 use super::*;
 
 /// Computes an attention, from its number in the program and the addresses of `[q k v]` and of the output.
-pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> Result<(), DeviceError>;
+pub(super) type Attend<'a> = &'a dyn Fn(usize, u64, u64) -> DeviceResult;
 
 /// Sizes of a product `x W`: rows of x, columns of x, columns of W.
 #[derive(Clone, Copy)]
@@ -39,12 +39,12 @@ pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
 
 impl Network {
     /// Values of all slots over `rows` windows, as the backward pass needs them.
-    pub fn forward(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn forward(&self, w: u64, rows: usize) -> DeviceResult {
         self.forward_from(self.at(Slot(0)), w, rows)
     }
 
     /// Like [`Network::forward`], for tokens at another address, padded as in slot 0.
-    pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> DeviceResult {
         let mut at = self.addresses();
         at[0] = tokens;
         self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| {
@@ -53,22 +53,17 @@ impl Network {
     }
 
     /// Predictions for all tokens of `rows` windows. A fused kernel, if there is one, fills no other slot.
-    pub fn predict(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
+    pub fn predict(&self, w: u64, rows: usize) -> DeviceResult {
         if let Some(whole) = &self.whole {
-            let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
-            return self.device.launch(
-                "whole_pass",
-                (rows.div_ceil(whole.windows), 1),
-                (whole.threads, 1),
-                whole.shared,
-                &args,
-            );
+            let args = args![w, self.at(Slot(0)), self.predictions(), rows];
+            let blocks = (rows.div_ceil(whole.windows), 1);
+            return self.device.launch("whole_pass", blocks, (whole.threads, 1), whole.shared, &args);
         }
         self.forward(w, rows)
     }
 
     /// Predictions for one token of each window. The array at `tokens` has its index in the window.
-    pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> Result<(), DeviceError> {
+    pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> DeviceResult {
         if self.whole.is_some() && self.plan.tokens == 1 {
             return self.predict(w, rows);
         }
@@ -76,25 +71,18 @@ impl Network {
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
         self.run(w, 0..first, &at, rows * self.plan.tokens, &attend)?;
         for (slot, chosen) in &self.chosen {
-            let args = [Ptr(at[slot.0]), Ptr(tokens), Ptr(chosen.ptr), Int(self.plan.width(*slot))];
-            self.device.launch("select_rows", (rows, 1), (128, 1), 0, &args)?;
+            let args = args![at[slot.0], tokens, chosen, self.plan.width(*slot)];
+            self.device.launch_blocks("select_rows", rows, 128, &args)?;
             at[slot.0] = chosen.ptr;
         }
         self.run(w, first..all, &at, rows, &attend)
     }
 
     /// Runs some parts over `n` rows of slots. `at` has the slots' addresses.
-    pub(super) fn run(
-        &self,
-        w: u64,
-        parts: Range<usize>,
-        at: &[u64],
-        n: usize,
-        attend: Attend,
-    ) -> Result<(), DeviceError> {
+    pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> DeviceResult {
         let plan = &self.plan;
-        let optional = |weight: Option<Weight>| Ptr(weight.map_or(0, |weight| self.tensor(w, weight)));
-        let (mut attentions, mut shift) = (0, [Ptr(0); 2]);
+        let optional = |weight: Option<Weight>| weight.map_or(0, |weight| self.tensor(w, weight));
+        let (mut attentions, mut shift) = (0, [0; 2]);
         for i in parts {
             match plan.parts[i] {
                 Part::Linear { from, to, weight, folded, add } => {
@@ -108,8 +96,8 @@ impl Network {
                 }
                 Part::Shift { slot, bias, positions, .. } => {
                     let (width, count) = (plan.width(slot), n * plan.width(slot));
-                    let args = [Ptr(at[slot.0]), optional(bias), optional(positions), Int(width), Long(count as u64)];
-                    self.launch_each("shift", count, &args)?;
+                    let args = args![at[slot.0], optional(bias), optional(positions), width, count];
+                    self.device.launch_each("shift", count, 256, &args)?;
                 }
                 Part::Step(Step { from, to, op: Op::Attend { .. } }) => {
                     attend(attentions, at[from.0], at[to.0])?;
@@ -117,36 +105,30 @@ impl Network {
                 }
                 Part::Step(step) => self.run_step(i, step, [at[step.from.0], at[step.to.0]], n, shift)?,
             }
-            shift = [Ptr(0); 2];
+            shift = [0; 2];
         }
         Ok(())
     }
 
     /// Runs step number `i` of the parts, from `n` rows at `x` to rows at `y`. `shift` (bias and positions) is added to
     /// x first.
-    fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
-        let (from, to) = (self.plan.width(step.from), self.plan.width(step.to));
+    fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [u64; 2]) -> DeviceResult {
+        let (d, from, to) = (&self.device, self.plan.width(step.from), self.plan.width(step.to));
         match step.op {
             Op::Norm => {
-                let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.saved[i].ptr), Int(n)];
-                self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)
+                let args = args![x, shift[0], shift[1], y, &self.saved[i], n];
+                d.launch_blocks("norm_forward", n.div_ceil(8), 256, &args)
             }
-            Op::Neighbours(apart) => self.launch_each(
-                "neighbours_forward",
-                n * to,
-                &[Ptr(x), Ptr(y), Int(from), Int(apart), Long((n * to) as u64)],
-            ),
+            Op::Neighbours(apart) => {
+                d.launch_each("neighbours_forward", n * to, 256, &args![x, y, from, apart, n * to])
+            }
             Op::Activate(f) => {
                 let quads = (n * to).div_ceil(4);
-                self.launch_each(
-                    activation_kernels(f)[0],
-                    quads,
-                    &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)],
-                )
+                d.launch_each(activation_kernels(f)[0], quads, 256, &args![x, shift[0], y, to, quads])
             }
             Op::Gate => {
                 let quads = n * to / 4;
-                self.launch_each("gate_forward", quads, &[Ptr(x), Ptr(y), Int(to), Long(quads as u64)])
+                d.launch_each("gate_forward", quads, 256, &args![x, y, to, quads])
             }
             // Products and positions are other parts, and `run` calls `attend` itself.
             Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
@@ -156,14 +138,7 @@ impl Network {
     /// `y = x W + beta y`, with rows of x `stride` apart.
     ///
     /// cuBLAS is column-major and sees every array transposed, so it computes `y^T = W^T x^T`.
-    pub(super) fn linear(
-        &self,
-        (x, stride): (u64, usize),
-        w: u64,
-        y: u64,
-        size: Size,
-        beta: f32,
-    ) -> Result<(), DeviceError> {
+    pub(super) fn linear(&self, (x, stride): (u64, usize), w: u64, y: u64, size: Size, beta: f32) -> DeviceResult {
         let Size { rows, inner, columns } = size;
         let shape = (columns, rows, inner);
         self.device.product(
@@ -177,19 +152,18 @@ impl Network {
         )
     }
 
-    fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {
+    fn attention(&self, windows: usize, qkv: u64, out: u64) -> DeviceResult {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
     }
 
     /// Loss of the first `n` tokens, a mean over `all` tokens ([`crate::learner::LearnerConfig::huber`]). Its gradient
     /// replaces the targets. The sum of squared errors goes behind the gradient vector at `g`.
-    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
-        let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial_sums.ptr));
-        let [scale, bend] = [2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip())].map(Float);
+    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> DeviceResult {
+        let outputs = self.plan.outputs();
+        let (scale, bend) = (2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip()));
         let blocks = (n * outputs).div_ceil(256).min(LOSS_BLOCKS);
-        let args =
-            [Ptr(self.predictions().ptr), Ptr(self.targets.ptr), partial, Long((n * outputs) as u64), scale, bend];
-        self.device.launch("loss", (blocks, 1), (256, 1), 0, &args)?;
+        let args = args![self.predictions(), &self.targets, &self.partial_sums, n * outputs, scale, bend];
+        self.device.launch_blocks("loss", blocks, 256, &args)?;
         self.column_sum(self.partial_sums.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
@@ -202,11 +176,11 @@ impl Network {
         width: usize,
         bias: Option<u64>,
         positions: Option<u64>,
-    ) -> Result<(), DeviceError> {
+    ) -> DeviceResult {
         let tokens = self.plan.tokens;
         let (rows, columns) = if positions.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };
         let chunks = rows.min(SUMS / columns).clamp(1, CHUNKS);
-        let args = [Ptr(dy), Int(rows), Int(columns), Ptr(self.partial_sums.ptr)];
+        let args = args![dy, rows, columns, &self.partial_sums];
         self.device.launch("row_partial", (columns.div_ceil(128), chunks), (128, 1), 0, &args)?;
         if let Some(sums) = positions.or(bias) {
             self.column_sum(self.partial_sums.ptr, chunks, columns, sums)?;
@@ -219,13 +193,7 @@ impl Network {
         }
     }
 
-    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> Result<(), DeviceError> {
-        self.device.launch(
-            "column_sum",
-            (width.div_ceil(32), 1),
-            (32, 8),
-            0,
-            &[Ptr(src), Int(rows), Int(width), Ptr(out)],
-        )
+    fn column_sum(&self, src: u64, rows: usize, width: usize, out: u64) -> DeviceResult {
+        self.device.launch("column_sum", (width.div_ceil(32), 1), (32, 8), 0, &args![src, rows, width, out])
     }
 }

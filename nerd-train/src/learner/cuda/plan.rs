@@ -43,14 +43,14 @@ pub(super) struct Layout {
 }
 
 impl Plan {
-    pub fn of(config: &TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
-        config.check().map_err(LearnError::Mismatch)?;
+    pub fn of(config: &TransformerConfig, tokens: usize) -> LearnResult<Self> {
+        config.check()?;
         Self::new(config.program(), tokens)
     }
 
     /// A plan for one token at a time. Refuses a network that needs whole windows; banded attention uses stored keys
     /// and values.
-    pub fn stream(config: &TransformerConfig) -> Result<Self, LearnError> {
+    pub fn stream(config: &TransformerConfig) -> LearnResult<Self> {
         let plan = Self::of(config, 1)?;
         let streams = |op: &Op| match op {
             Op::Place(_) | Op::Neighbours(_) => false,

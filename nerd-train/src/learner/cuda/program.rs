@@ -22,7 +22,7 @@ impl CudaProgram {
         precision: Precision,
         windows: usize,
         tokens: usize,
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         let plan = Plan::new(program, tokens)?;
         let by_tokens = windows * tokens * plan.inputs();
         let (network, weights) = Network::with_weights(plan, flat, windows, precision, true)?;
@@ -35,22 +35,18 @@ impl CudaProgram {
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if the number of tokens is wrong, or [`LearnError::Device`] if the device fails.
-    pub fn forward(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
+    pub fn forward(&mut self, tokens: &[f32]) -> LearnResult<Vec<f32>> {
         self.pass(tokens, |net, w| net.forward(w, net.rows))
     }
 
     /// Predictions without a backward pass after them, by a fused kernel if the program has one (small chains).
-    pub fn predict(&mut self, tokens: &[f32]) -> Result<Vec<f32>, LearnError> {
+    pub fn predict(&mut self, tokens: &[f32]) -> LearnResult<Vec<f32>> {
         self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
 
-    fn pass(
-        &mut self,
-        tokens: &[f32],
-        pass: impl Fn(&Network, u64) -> Result<(), DeviceError>,
-    ) -> Result<Vec<f32>, LearnError> {
+    fn pass(&mut self, tokens: &[f32], pass: impl Fn(&Network, u64) -> DeviceResult) -> LearnResult<Vec<f32>> {
         if tokens.len() != self.by_tokens.len {
-            return Err(LearnError::Mismatch(format!("{} numbers for tokens of {}", tokens.len(), self.by_tokens.len)));
+            mismatch!("{} numbers for tokens of {}", tokens.len(), self.by_tokens.len);
         }
         self.network.load(tokens, self.network.plan.tokens)?;
         let net = &self.network;
@@ -61,7 +57,7 @@ impl CudaProgram {
     }
 
     /// Gradients of the parameters and of the last tokens, from the gradient `upstream` of the predictions.
-    pub fn backward(&mut self, upstream: &[f32]) -> Result<(Vec<f32>, Vec<f32>), LearnError> {
+    pub fn backward(&mut self, upstream: &[f32]) -> LearnResult<(Vec<f32>, Vec<f32>)> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, upstream)?;
         net.backward(w, Some(self.gradients.ptr), 0..net.rows, Some(self.by_tokens.ptr))?;

@@ -3,7 +3,7 @@
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program};
-use nerd_sim::articulated::device::{BLOCK, Back, Held, Motion, OnDevice, Reach, Real, Trail, failed};
+use nerd_sim::articulated::device::{BLOCK, Back, Held, Motion, OnDevice, Reach, Real, Trail};
 
 use super::gradients::{FramesBack, goes_back};
 use super::*;
@@ -85,7 +85,7 @@ impl Motion for Frames {
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
         self.made = None;
         let (weights, envs) = (&self.model.weights, batch.len());
-        let solver = |e: LearnError| StepError::Solver(e.to_string());
+
         let engine = match &self.chain {
             Some(_) if reach.fields => {
                 return Err(StepError::Refused(
@@ -93,22 +93,21 @@ impl Motion for Frames {
                 ));
             }
             Some((chain, scale)) => {
-                let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
-                let (mut network, weights) =
-                    Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
+                let plan = Plan::of(&weights.config, chain.rods)?;
+                let (mut network, weights) = Network::with_weights(plan, &weights.flat, envs, self.precision, false)?;
                 let text = chain_program(chain, scale, &batch.system, reach.colliders);
-                network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
-                let rods = network.device.zeros(envs * numbers(chain)).map_err(failed)?;
+                network.device.add(&text, &["chain_tell", "chain_apply"])?;
+                let rods = network.device.zeros(envs * numbers(chain))?;
                 Engine::Chain(network, weights, rods)
             }
             None => {
                 let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach);
-                let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
-                stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
+                let mut stream = CudaStream::new(weights, self.precision, envs)?;
+                stream.network.device.add(&text, &["neural_tell", "neural_apply"])?;
                 Engine::Stream(stream)
             }
         };
-        let hold = engine.network().device.zeros(1).map_err(failed)?;
+        let hold = engine.network().device.zeros(1)?;
         self.made = Some(Made { engine, hold, replay: Replay::default(), back: None, next: vec![u64::MAX; envs] });
         Ok(())
     }
@@ -117,7 +116,7 @@ impl Motion for Frames {
         self.made.as_ref().map(|made| &made.engine.network().device)
     }
 
-    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
+    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> DeviceResult {
         let Some(made) = &mut self.made else { return Ok(()) };
         made.follow(first, hold)?;
         let device = &made.engine.network().device;
@@ -127,7 +126,7 @@ impl Motion for Frames {
         made.remember(held, first)
     }
 
-    fn follow(&mut self, first: &[u64]) -> Result<(), DeviceError> {
+    fn follow(&mut self, first: &[u64]) -> DeviceResult {
         let Some(made) = &mut self.made else { return Ok(()) };
         made.follow(first, true)?;
         made.next.fill(u64::MAX);
@@ -141,7 +140,7 @@ impl Motion for Frames {
         }
     }
 
-    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
+    fn frame(&self, held: &Held) -> DeviceResult {
         self.made.as_ref().map_or(Ok(()), |made| made.go(held))
     }
 
@@ -155,14 +154,14 @@ impl Motion for Frames {
             Some(back) => back,
             None => FramesBack::new(&self.model, batch, frames)?,
         };
-        made.back.insert(back).join(&made.engine.network().device).map_err(failed)
+        Ok(made.back.insert(back).join(&made.engine.network().device)?)
     }
 
-    fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
+    fn recall(&self, held: &Held, trail: Trail) -> DeviceResult {
         self.made.iter().flat_map(|made| &made.back).try_for_each(|back| back.recall(held, trail))
     }
 
-    fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+    fn back(&self, held: &Held, trail: Trail, back: Back) -> DeviceResult {
         self.made.iter().flat_map(|made| &made.back).try_for_each(|all| all.back(held, trail, back))
     }
 
@@ -175,16 +174,16 @@ impl Motion for Frames {
 
 impl Made {
     /// Clears the memory of environments that `first` does not continue. `hold`: torques are constant over the frames.
-    fn follow(&mut self, first: &[u64], hold: bool) -> Result<(), DeviceError> {
+    fn follow(&mut self, first: &[u64], hold: bool) -> DeviceResult {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
-            stream.forget(&first.iter().enumerate().filter_map(begins).collect::<Vec<_>>())?;
+            stream.forget(&first.iter().enumerate().filter_map(begins).collect_vec())?;
         }
         self.engine.network().device.write(&self.hold, &[u32::from(hold)])
     }
 
     /// Stores the number of the frame that would continue each environment.
-    fn remember(&mut self, held: &Held, first: &[u64]) -> Result<(), DeviceError> {
+    fn remember(&mut self, held: &Held, first: &[u64]) -> DeviceResult {
         let Engine::Stream(CudaStream { network: Network { device, .. }, .. }) = &self.engine else { return Ok(()) };
         let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
         for (env, next) in self.next.iter_mut().enumerate() {
@@ -194,35 +193,29 @@ impl Made {
     }
 
     /// One frame; launched as a graph from the second call on.
-    fn go(&self, held: &Held) -> Result<(), DeviceError> {
+    fn go(&self, held: &Held) -> DeviceResult {
         self.replay
             .run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))
     }
 
     /// Launches the kernels of one frame.
-    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
+    fn frame(&self, held: &Held) -> DeviceResult {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
-        let grid = |kernel, threads: usize, args: &[Arg]| {
-            self.engine.network().device.launch(kernel, (threads.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args)
-        };
-        let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr].map(Ptr);
-        let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
-        let look = |kernel, lanes, out: &[Arg]| {
-            grid(kernel, n * lanes, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat())
-        };
-        let follow = |kernel, by: &[Arg]| grid(kernel, *n, &[&[Ptr(states.ptr)], by, &end].concat());
-        let network = self.engine.network();
-        let (tokens, predictions) = (Ptr(network.at(Slot(0))), Ptr(network.predictions().ptr));
+        let (network, n, hold) = (self.engine.network(), *n, &self.hold);
+        let (tokens, predictions) = (network.at(Slot(0)), network.predictions());
+        let each = |kernel, threads, args: &[Arg]| network.device.launch_each(kernel, threads, BLOCK, args);
         match &self.engine {
             Engine::Stream(stream) => {
-                look("neural_tell", LANES, &[tokens])?;
+                let look = args![states, torques, records, scene_of, tokens, faults, done, n, hold];
+                each("neural_tell", n * LANES, &look)?;
                 stream.pass()?;
-                follow("neural_apply", &[predictions, Ptr(stream.taken.0.ptr)])
+                each("neural_apply", n, &args![states, predictions, &stream.taken.0, faults, done, n])
             }
             Engine::Chain(_, weights, rods) => {
-                look("chain_tell", 1, &[Ptr(rods.ptr), tokens])?;
-                network.predict(weights.ptr, *n)?;
-                follow("chain_apply", &[Ptr(rods.ptr), predictions])
+                let look = args![states, torques, records, scene_of, rods, tokens, faults, done, n, hold];
+                each("chain_tell", n, &look)?;
+                network.predict(weights.ptr, n)?;
+                each("chain_apply", n, &args![states, rods, predictions, faults, done, n])
             }
         }
     }

@@ -20,7 +20,7 @@ impl CudaStream {
     /// # Errors
     /// [`LearnError::Mismatch`] if the network sees windows (table of positions) or the kernels do not cover it.
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
-    pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
+    pub fn new(weights: &Weights, precision: Precision, envs: usize) -> LearnResult<Self> {
         let (network, weights) =
             Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
         let (d, plan) = (&network.device, &network.plan);
@@ -35,7 +35,7 @@ impl CudaStream {
     }
 
     /// Device work of one frame: from the tokens in slot 0 to `predictions`.
-    pub(super) fn pass(&self) -> Result<(), DeviceError> {
+    pub(super) fn pass(&self) -> DeviceResult {
         let net = &self.network;
         if net.whole.is_some() {
             return net.predict(self.weights.ptr, net.rows);
@@ -49,7 +49,7 @@ impl CudaStream {
     }
 
     /// Clears the memory of some environments, where the device counts the tokens.
-    pub(super) fn forget(&mut self, envs: &[usize]) -> Result<(), DeviceError> {
+    pub(super) fn forget(&mut self, envs: &[usize]) -> DeviceResult {
         if envs.is_empty() {
             return Ok(());
         }
@@ -59,11 +59,11 @@ impl CudaStream {
         self.network.device.write(there, here)
     }
 
-    fn frame(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), LearnError> {
+    fn frame(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> LearnResult {
         let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
         let envs = tokens.len() / inputs;
         if envs * inputs != tokens.len() || envs > rows {
-            return Err(LearnError::Mismatch(format!("{} values for at most {rows} rows of {inputs}", tokens.len())));
+            mismatch!("{} values for at most {rows} rows of {inputs}", tokens.len());
         }
         self.network.load(tokens, 1)?;
         self.network.device.write(&self.taken.0, &self.taken.1)?;
@@ -77,7 +77,7 @@ impl CudaStream {
 }
 
 impl Stream for CudaStream {
-    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
         Ok(self.frame(tokens, out)?)
     }
 

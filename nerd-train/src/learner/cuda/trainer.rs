@@ -39,12 +39,12 @@ impl CudaLearner {
         precision: Precision,
         state: LearnerState,
         [train, validation]: [&Windows; 2],
-    ) -> Result<Self, LearnError> {
+    ) -> LearnResult<Self> {
         let shape = state.weights.config;
         crate::learner::check(&config, &state, [train, validation])?;
         let network = Network::new(Plan::of(&shape, shape.sequence())?, config.batch, precision, true)?;
         let d = &network.device;
-        let data = |w: &Windows| -> Result<Data, LearnError> {
+        let data = |w: &Windows| -> LearnResult<Data> {
             let shape = Windows { x: Vec::new(), y: Vec::new(), ..*w };
             Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, shape, count: w.len(), per: w.per_trajectory() })
         };
@@ -55,7 +55,7 @@ impl CudaLearner {
 
     /// Loss and gradient of the next update, before clipping, in the order of the flat weights; makes no update. For
     /// checks.
-    pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
+    pub fn gradient(&mut self) -> LearnResult<(f32, Vec<f32>)> {
         self.differentiate()?;
         let mut g = self.network.device.download(&self.optimiser.gradients)?;
         let squares = g.pop().unwrap_or(f32::NAN);
@@ -68,7 +68,7 @@ impl CudaLearner {
         1.0 / (self.config.batch * plan.tokens * plan.outputs()) as f32
     }
 
-    fn differentiate(&self) -> Result<(), LearnError> {
+    fn differentiate(&self) -> LearnResult {
         let (net, own) = (&self.network, &self.optimiser);
         let (w, g) = (own.weights.ptr, own.gradients.ptr);
         let LearnerConfig { batch: rows, huber, .. } = self.config;
@@ -81,19 +81,17 @@ impl CudaLearner {
 
     /// Copies `rows` windows to the network's inputs and targets: the windows numbered at the address `numbers`, or
     /// those drawn for the next update.
-    fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
+    fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> LearnResult {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));
-        let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
-        let from =
-            [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
-        let args = [&from[..], &[windows, per, frames, Ptr(numbers)]].concat();
-        Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &args)?)
+        let (Data { x, y, count, per, shape }, to) = (data, net.at(Slot(0)));
+        let args = args![x, y, to, &net.targets, scalars, seed, *count, *per, shape.frames, numbers];
+        Ok(net.device.launch_blocks("gather", rows, 128, &args)?)
     }
 }
 
 impl Learner for CudaLearner {
-    fn update(&mut self, lr: f32) -> Result<(), LearnError> {
+    fn update(&mut self, lr: f32) -> LearnResult {
         self.optimiser.set_lr(&self.network.device, lr)?;
         self.replay.run(&self.network.device, "update", (), || {
             self.differentiate()?;
@@ -101,19 +99,19 @@ impl Learner for CudaLearner {
         })
     }
 
-    fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), LearnError> {
+    fn replace(&mut self, first: usize, fresh: &Windows) -> LearnResult {
         let (data, d) = (&self.train, &self.network.device);
-        data.shape.fits(first, fresh, data.count / data.per).map_err(LearnError::Mismatch)?;
+        data.shape.fits(first, fresh, data.count / data.per)?;
         let token = first * data.shape.frames;
         d.write_at(&data.x, token * fresh.inputs, &fresh.x)?;
         Ok(d.write_at(&data.y, token * fresh.outputs, &fresh.y)?)
     }
 
-    fn progress(&mut self) -> Result<Progress, LearnError> {
+    fn progress(&mut self) -> LearnResult<Progress> {
         self.optimiser.progress(&self.network.device)
     }
 
-    fn validate(&mut self, windows: usize) -> Result<f32, LearnError> {
+    fn validate(&mut self, windows: usize) -> LearnResult<f32> {
         let (net, Optimiser { average, gradients, .. }) = (&self.network, &self.optimiser);
         let (w, outputs, tokens) = (average.ptr, net.plan.outputs(), net.plan.tokens);
         let chosen = validation_rows(self.validation.count, windows);
@@ -127,12 +125,12 @@ impl Learner for CudaLearner {
             // Every update overwrites the gradients.
             net.loss(rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
-            net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
+            net.device.launch_blocks("add_loss", 1, 1, &args![error, &self.total])?;
         }
         Ok((net.device.download(&self.total)?[0] / (count * tokens * outputs) as f64) as f32)
     }
 
-    fn state(&mut self) -> Result<LearnerState, LearnError> {
+    fn state(&mut self) -> LearnResult<LearnerState> {
         self.optimiser.state(&self.network.device)
     }
 }

@@ -11,8 +11,8 @@ fn units(policy: &Policy) -> [f64; 2] {
 
 impl CudaEngine {
     /// Begins a rollout of a policy; `noise` is the stream of its first step.
-    pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> Result<(), DeviceError> {
-        let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
+    pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> DeviceResult {
+        let inverse = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect_vec();
         self.net.device.write(&self.weights, &policy.flat)?;
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
         self.net.device.write(&self.kept.seen[1], &inverse)?;
@@ -24,18 +24,17 @@ impl CudaEngine {
 
     /// Evaluates the network with the weights at `weights` on `count` rows at `rows`; writes normalised rows to
     /// `inputs`.
-    pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
+    pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> DeviceResult {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
-        let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
-        let sizes = [Long((count * width) as u64), Int(width), Int(self.net.plan.padded)];
-        self.over("normalize", count * width, &[&args[..], &sizes].concat())?;
+        let args = args![rows, mean, inverse, inputs, count * width, width, self.net.plan.padded];
+        self.over("normalize", count * width, &args)?;
         self.net.forward_from(inputs, weights, count)
     }
 
     /// Writes the values of the last evaluation to `to`, at the indices in `which` (0: in order).
-    pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
-        let sizes = [count, self.shape.action, self.shape.outputs()].map(Int);
-        self.over("value", count, &[&[self.said(), which, self.kept.units.ptr, to].map(Ptr)[..], &sizes].concat())
+    pub(super) fn value(&self, which: u64, to: u64, count: usize) -> DeviceResult {
+        let (said, units) = (self.net.predictions(), &self.kept.units);
+        self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
     }
 
     /// Refuses data of other sizes than the memory was made for.
@@ -49,7 +48,7 @@ impl CudaEngine {
 
     /// Samples the actions of step t from the observations on the device; the noise is stream `later` after the one in
     /// `kept.noise`.
-    pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
+    pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> DeviceResult {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
         self.ask(
@@ -59,20 +58,19 @@ impl CudaEngine {
             n,
         )?;
         let Steps { neg_log_prob, actions, means, spreads, .. } = &self.steps;
-        let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), neg_log_prob.at(first)];
-        let read = [self.said(), self.parameter()].map(Ptr);
-        let (key, noise) =
-            (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
-        let kept = [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr);
-        let sizes = [n, a, self.shape.outputs()].map(Int);
-        self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes].concat())
+        let [means, spreads, actions] = [means, spreads, actions].map(|of| of.at(first * a));
+        let (neg_log_prob, kept, [k0, k1, k2, k3]) = (neg_log_prob.at(first), &self.kept, key(&noise.rng()));
+        let read = args![self.net.predictions(), self.parameter(), k0, k1, k2, k3, &kept.noise, later, &kept.units];
+        let (values, acted, outputs) = (kept.values.at(first), &kept.actions, self.shape.outputs());
+        let written = args![means, spreads, actions, neg_log_prob, values, acted, n, a, outputs];
+        self.over("act", n, &[&read[..], &written].concat())
     }
 
     /// Values, by the weights at `weights`, of the states after the last step and of final states of truncated
     /// episodes.
-    pub(super) fn reached(&self, weights: u64) -> Result<(), DeviceError> {
+    pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
-        self.over("reached", *n, &[Ptr(ends.ptr), Ptr(which.ptr), Int(*n), Int(*horizon), Int(*slots)])?;
+        self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;
         let (width, padded, most) = (self.shape.inputs(), self.net.plan.padded, self.net.rows / n * n);
         (0..(1 + slots) * n).step_by(most).try_for_each(|first| {
             let count = most.min((1 + slots) * n - first);
@@ -82,23 +80,19 @@ impl CudaEngine {
     }
 
     /// Computes advantages and returns from values on the device.
-    pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
+    pub(super) fn finished(&self, config: &PpoConfig) -> DeviceResult {
         let Kept { environments: n, horizon, rewards, ends, values, both, .. } = &self.kept;
-        let all = [rewards.ptr, ends.ptr, values.ptr, self.kept.cut(0), both.ptr].map(Ptr);
-        self.over("gae", *n, &[&all[..], &[Int(*n), Int(*horizon), Double(config.gamma), Double(LAMBDA)]].concat())
+        let args = args![rewards, ends, values, self.kept.cut(0), both, *n, *horizon, config.gamma, LAMBDA];
+        self.over("gae", *n, &args)
     }
 
     fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments> {
-        let (n, partial) = (self.kept.horizon * self.kept.environments, self.kept.partial.ptr);
+        let (n, partial) = (self.kept.horizon * self.kept.environments, &self.kept.partial);
         let mut moments = [vec![0.0; width], vec![0.0; width]];
         let mut about = 0;
         for (out, moments) in self.kept.means.iter().zip(&mut moments) {
-            self.over(
-                "columns",
-                PARTS * width,
-                &[Ptr(rows), Ptr(about), Long(n as u64), Int(width), Int(PARTS), Ptr(partial)],
-            )?;
-            self.over("mean", width, &[Ptr(partial), Long(n as u64), Int(width), Int(PARTS), Ptr(out.ptr)])?;
+            self.over("columns", PARTS * width, &args![rows, about, n, width, PARTS, partial])?;
+            self.over("mean", width, &args![partial, n, width, PARTS, out])?;
             self.net.device.read(out, moments)?;
             about = out.ptr;
         }
@@ -118,14 +112,10 @@ impl CudaEngine {
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);
         let deviation = if advantages { variance[0].sqrt() + 1e-8 } else { f64::INFINITY };
-        let laws = [mean[0], deviation, goal, goal_scale, said[0], said[1]].map(Double);
-        let Steps { advantages, value_targets, values, .. } = &self.steps;
-        let read = [Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
-        Ok(self.over(
-            "loss_inputs",
-            n,
-            &[&read[..], &laws, &[advantages.ptr, value_targets.ptr, values.ptr].map(Ptr)].concat(),
-        )?)
+        let (Steps { advantages, value_targets, values: old, .. }, Kept { both, values, .. }) =
+            (&self.steps, &self.kept);
+        let laws = args![both, values, n, mean[0], deviation, goal, goal_scale, said[0], said[1]];
+        Ok(self.over("loss_inputs", n, &[&laws[..], &args![advantages, value_targets, old]].concat())?)
     }
 
     pub(super) fn seen(&self, policy: &mut Policy) -> Result<()> {
@@ -134,7 +124,7 @@ impl CudaEngine {
     }
 
     /// Downloads the last rollout, for inspection before an update.
-    pub fn rollout(&self) -> Result<Rollout, DeviceError> {
+    pub fn rollout(&self) -> DeviceResult<Rollout> {
         let (Kept { horizon, environments, observations, values, both, .. }, d) = (&self.kept, &self.net.device);
         let (Steps { neg_log_prob, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
         values.truncate(horizon * environments);

@@ -59,7 +59,7 @@ impl StepwiseRollout for CudaEngine {
 
     fn arrive(&mut self, reached: &[f64], truncated: &[bool]) -> Result<()> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        let cut: Vec<u32> = (0..).zip(truncated).filter_map(|(env, over)| over.then_some(env)).collect();
+        let cut = (0..).zip(truncated).filter_map(|(env, over)| over.then_some(env)).collect_vec();
         let right = truncated.len() == n && reached.len() == cut.len() * self.shape.inputs() && step < horizon;
         self.fits("results of a step", right)?;
         if !cut.is_empty() {

@@ -74,11 +74,10 @@ impl CudaEpisodes {
     /// Enqueues one step; `actions` is the GPU address of f32 actions `[env][action]`. Does not wait for the results.
     pub fn step(&mut self, actions: u64) -> Result<()> {
         let Self { episodes, world, exchange, replay } = self;
-        let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
-        let resident = &*resident;
+        let resident = on_card(&mut episodes.simulation)?;
         exchange.offer(actions)?;
-        let rows = [exchange.rows.ptr, exchange.rows.ptr, exchange.cut.ptr, exchange.cuts.ptr].map(Ptr);
-        let judge = [&rows[..], &[Int(1)], &[exchange.rewards.ptr, exchange.ends.ptr].map(Ptr)].concat();
+        let Exchange { rows, cut, cuts, rewards, ends, .. } = &*exchange;
+        let judge = args![rows, rows, cut, cuts, 1_usize, rewards, ends];
         let work = || {
             world.step(resident, 0, exchange.actions.ptr, &judge)?;
             exchange.show()
@@ -96,10 +95,7 @@ impl CudaEpisodes {
     /// # Errors
     /// If a start cannot be stepped, or the device failed.
     pub fn failed(&mut self) -> Result<usize> {
-        let Some(resident) = self.episodes.simulation.solver.resident() else {
-            refuse!("the solver has left the device")
-        };
-        Ok(self.world.end(&*resident)?)
+        Ok(self.world.end(on_card(&mut self.episodes.simulation)?)?)
     }
 
     /// Results of the last step.
@@ -119,34 +115,25 @@ impl CudaEpisodes {
 }
 
 impl Exchange {
-    fn offer(&self, actions: u64) -> Result<(), DeviceError> {
+    fn offer(&self, actions: u64) -> DeviceResult {
         let (all, n) = (self.actions.len, self.ends.len);
-        over(
-            &self.device,
-            "offer",
-            all.max(n),
-            &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat(),
-        )
+        self.device.launch_each("offer", all.max(n), THREADS, &args![actions, &self.actions, &self.cuts, all, n])
     }
 
-    fn show(&self) -> Result<(), DeviceError> {
+    fn show(&self) -> DeviceResult {
         let Shown { observations, reached, rewards, terminated, truncated } = &*self.shown;
-        let read = [self.rows.ptr, self.cut.ptr, self.rewards.ptr, self.ends.ptr];
-        let written = [observations.ptr, reached.ptr, rewards.ptr, terminated.ptr, truncated.ptr];
-        let sizes = [self.rows.len, self.rows.len / self.ends.len].map(Int);
-        over(&self.device, "show", self.rows.len, &[&read.map(Ptr)[..], &written.map(Ptr), &sizes].concat())
+        let Self { device, rows, cut, ends, .. } = self;
+        let read = args![rows, cut, &self.rewards, ends];
+        let written = args![observations, reached, rewards, terminated, truncated, rows.len, rows.len / ends.len];
+        device.launch_each("show", rows.len, THREADS, &[&read[..], &written].concat())
     }
 
-    fn begin(&self, observations: &[f64]) -> Result<(), DeviceError> {
+    fn begin(&self, observations: &[f64]) -> DeviceResult {
         self.device.write(&self.rows, observations)?;
         self.device.write(&self.rewards, &vec![0.0; self.rewards.len])?;
         self.device.write(&self.ends, &vec![0; self.ends.len])?;
         self.show()
     }
-}
-
-fn over(device: &Device, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
-    device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
 }
 
 /// Episodes as a world on their solver's stream, which `device` joins.

@@ -7,43 +7,38 @@ pub(super) const PARTS: usize = 1024;
 
 /// Buffers of a rollout that passes do not read.
 pub(super) struct Kept {
-    pub(super) environments: usize,
-    pub(super) horizon: usize,
-    pub(super) step: usize,
-    pub(super) observations: Buffer<f64>,
+    pub environments: usize,
+    pub horizon: usize,
+    pub step: usize,
+    pub observations: Buffer<f64>,
     /// Values in units of reward: of all steps, of the states after the last step, and of final states of truncated
     /// episodes by step.
-    pub(super) values: Buffer<f64>,
-    pub(super) both: Buffer<f64>,
+    pub values: Buffer<f64>,
+    pub both: Buffer<f64>,
     /// Rewards and ends of steps (`gae.rs`).
-    pub(super) rewards: Buffer<f64>,
-    pub(super) ends: Buffer<u8>,
+    pub rewards: Buffer<f64>,
+    pub ends: Buffer<u8>,
     /// Bootstrap rows, raw and normalised, and indices of their values: states after the last step, then up to `slots`
     /// final states of truncated episodes for each environment, `[1 + slots][env]`.
-    pub(super) rows: Buffer<f64>,
-    pub(super) inputs: Buffer<f32>,
-    pub(super) which: Buffer<u32>,
-    pub(super) slots: usize,
+    pub rows: Buffer<f64>,
+    pub inputs: Buffer<f32>,
+    pub which: Buffer<u32>,
+    pub slots: usize,
     /// Truncated episodes of each environment so far.
-    pub(super) cuts: Buffer<u32>,
+    pub cuts: Buffer<u32>,
     /// Clamped actions.
-    pub(super) actions: Buffer<f32>,
+    pub actions: Buffer<f32>,
     /// Noise stream of the first step; kernels add the step.
-    pub(super) noise: Buffer<u64>,
+    pub noise: Buffer<u64>,
     /// Mean and inverse scale of observations; mean and scale of returns.
-    pub(super) seen: [Buffer<f64>; 2],
-    pub(super) units: Buffer<f64>,
-    pub(super) partial: Buffer<f64>,
-    pub(super) means: [Buffer<f64>; 2],
+    pub seen: [Buffer<f64>; 2],
+    pub units: Buffer<f64>,
+    pub partial: Buffer<f64>,
+    pub means: [Buffer<f64>; 2],
 }
 
 impl Kept {
-    pub(super) fn new(
-        net: &Network,
-        shape: &Shape,
-        config: &PpoConfig,
-        environments: usize,
-    ) -> Result<Self, DeviceError> {
+    pub fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> DeviceResult<Self> {
         let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
         let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
         Ok(Self {
@@ -70,7 +65,7 @@ impl Kept {
     }
 
     /// Allocates bootstrap rows for `slots` truncated episodes per environment.
-    pub(super) fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
+    pub fn slots(&mut self, net: &Network, slots: usize) -> DeviceResult {
         if self.slots < slots {
             let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
             (self.rows, self.inputs) =
@@ -81,26 +76,26 @@ impl Kept {
     }
 
     /// Address of the final values of truncated episodes at a step.
-    pub(super) fn cut(&self, step: usize) -> u64 {
+    pub fn cut(&self, step: usize) -> u64 {
         self.values.at((self.horizon + 1 + step) * self.environments)
     }
 }
 
 /// Buffers of a rollout that passes read, by step.
 pub(super) struct Steps {
-    pub(super) inputs: Buffer<f32>,
-    pub(super) advantages: Buffer<f32>,
-    pub(super) value_targets: Buffer<f32>,
-    pub(super) values: Buffer<f32>,
-    pub(super) neg_log_prob: Buffer<f32>,
-    pub(super) actions: Buffer<f32>,
-    pub(super) means: Buffer<f32>,
-    pub(super) spreads: Buffer<f32>,
+    pub inputs: Buffer<f32>,
+    pub advantages: Buffer<f32>,
+    pub value_targets: Buffer<f32>,
+    pub values: Buffer<f32>,
+    pub neg_log_prob: Buffer<f32>,
+    pub actions: Buffer<f32>,
+    pub means: Buffer<f32>,
+    pub spreads: Buffer<f32>,
 }
 
 impl Steps {
     /// For `n` steps, with `padded` inputs and `action` actions each.
-    pub(super) fn new(device: &Device, n: usize, padded: usize, action: usize) -> Result<Self, DeviceError> {
+    pub fn new(device: &Device, n: usize, padded: usize, action: usize) -> DeviceResult<Self> {
         let zeros = |width: usize| device.zeros(n * width);
         Ok(Self {
             inputs: zeros(padded)?,
@@ -119,12 +114,12 @@ impl Steps {
 #[repr(C)]
 #[derive(Clone, Copy, Default)]
 pub(super) struct PassState {
-    pub(super) learning_rate: f64,
-    pub(super) sums: [f64; 6],
-    pub(super) norms: f64,
-    pub(super) batches: f64,
-    pub(super) step: u64,
-    pub(super) factors: [f32; 4],
+    pub learning_rate: f64,
+    pub sums: [f64; 6],
+    pub norms: f64,
+    pub batches: f64,
+    pub step: u64,
+    pub factors: [f32; 4],
 }
 
 /// Key of a captured rollout: world, ring index of its first frame, key of the noise.

@@ -12,9 +12,8 @@ mod world;
 
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay};
-use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail, failed};
+use nerd_cuda::{Arg, Buffer, Device, DeviceError, DeviceResult, Precision, Replay, args};
+use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail};
 use nerd_sim::rig::LATEST;
 use nerd_sim::solver::Fault;
 
@@ -46,7 +45,6 @@ pub struct CudaEngine {
     shape: Shape,
     kept: Kept,
     steps: Steps,
-    /// Steps of an iteration and of a minibatch.
     sizes: [usize; 2],
     order: Buffer<u32>,
     /// Gradients with respect to the log standard deviation parameters, by row of a minibatch.
@@ -77,7 +75,7 @@ impl CudaEngine {
         // SHAC's backward pass needs all steps at once, and the bootstrap rows.
         let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
         let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
-        net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect::<Vec<_>>())?;
+        net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect_vec())?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {
             steps_episodes: true,
@@ -108,17 +106,22 @@ impl CudaEngine {
         matches!(self.world, Some(Some(_)))
     }
 
-    fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
-        self.net.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
+    fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> DeviceResult {
+        self.net.device.launch_each(kernel, entries, THREADS, args)
     }
 
     /// Address of the log standard deviation parameters; 0 if they are outputs.
     fn parameter(&self) -> u64 {
         if self.shape.state_dependent_std { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
     }
+}
 
-    fn said(&self) -> u64 {
-        self.net.predictions().ptr
+/// Steps of an iteration and of a minibatch.
+/// The solver's batch on the device.
+fn on_card(simulation: &mut Simulation) -> Result<&dyn Resident> {
+    match simulation.solver.resident() {
+        Some(resident) => Ok(resident),
+        None => refuse!("the solver has left the device"),
     }
 }
 

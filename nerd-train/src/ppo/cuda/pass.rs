@@ -8,54 +8,35 @@ use crate::ppo::update::GRADIENT_NORM;
 
 impl CudaEngine {
     /// One minibatch: `rows` steps of the permutation from `first` on.
-    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> Result<(), DeviceError> {
+    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> DeviceResult {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
-        let inputs = [self.steps.inputs.ptr, order, net.at(Slot(0))].map(Ptr);
-        self.over("ppo_gather", entries, &[&inputs[..], &[Long(entries as u64), Int(net.plan.padded)]].concat())?;
+        let Steps { inputs, advantages, value_targets, values, neg_log_prob, actions, means, spreads } = &self.steps;
+        self.over("ppo_gather", entries, &args![inputs, order, net.at(Slot(0)), entries, net.plan.padded])?;
         net.forward(w, rows)?;
-        let Steps { advantages, value_targets, values, neg_log_prob, actions, means, spreads, .. } = &self.steps;
-        let read = [
-            self.said(),
-            self.parameter(),
-            order,
-            actions.ptr,
-            neg_log_prob.ptr,
-            advantages.ptr,
-            value_targets.ptr,
-            values.ptr,
-        ];
-        let written = [means.ptr, spreads.ptr, net.targets.ptr, self.spread.ptr, self.terms.ptr];
+        let Self { spread, terms, squares, gradient, weights, state, moments: [m, v], beta, .. } = self;
+        let (said, parameter) = (net.predictions(), self.parameter());
+        let read = args![said, parameter, order, actions, neg_log_prob, advantages, value_targets, values];
         // SHAC's critic learns by the value loss alone.
         let critic = if config.algorithm == Algorithm::Shac { 1.0 } else { CRITIC };
-        let numbers = [config.clip_coef, critic, config.bounds_coef, config.ent_coef, config.value_clip].map(Float);
-        let sizes = [rows, a, self.shape.outputs()].map(Int);
-        self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
-        net.backward(w, Some(self.gradient.ptr), 0..rows, None)?;
+        let PpoConfig { clip_coef, bounds_coef, ent_coef, value_clip, target_kl, .. } = *config;
+        let written = args![means, spreads, &net.targets, spread, terms, rows, a, self.shape.outputs()];
+        let numbers = args![clip_coef, critic, bounds_coef, ent_coef, value_clip];
+        self.over("ppo_loss", rows, &[&read[..], &written, &numbers].concat())?;
+        net.backward(w, Some(gradient.ptr), 0..rows, None)?;
         if !self.shape.state_dependent_std {
-            net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
+            net.sum_rows(spread.ptr, rows, a, Some(gradient.at(weights.len - a)), None)?;
         }
-        let n = Long(self.weights.len as u64);
-        self.net.device.launch(
-            "squares",
-            (SQUARES, 1),
-            (256, 1),
-            0,
-            &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)],
-        )?;
-        let (terms, squares) =
-            ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(rows), Float(GRADIENT_NORM), Double(config.target_kl)];
-        let args = [&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat();
-        self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &args)?;
-        let [m, v] = &self.moments;
-        let factors = self.state.ptr + std::mem::offset_of!(PassState, factors) as u64;
-        let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, 0, factors, 0].map(Ptr);
-        self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0)], &self.beta.map(Double)].concat())
+        let (n, blocks, [b1, b2]) = (weights.len, rows.div_ceil(THREADS), *beta);
+        net.device.launch_blocks("squares", SQUARES, 256, &args![gradient, n, squares])?;
+        let args = args![terms, blocks, squares, SQUARES, rows, GRADIENT_NORM, target_kl, b1, b2, state];
+        net.device.launch_blocks("ppo_finish", 1, 224, &args)?;
+        let factors = state.ptr + std::mem::offset_of!(PassState, factors) as u64;
+        self.over("adam", n, &args![weights, gradient, m, v, 0_u64, factors, 0_u64, n, 0_u64, b1, b2])
     }
 
     /// All minibatches of one pass; replays a captured graph from the second pass with the same settings on.
-    fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
+    fn pass(&self, config: &PpoConfig) -> DeviceResult {
         self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();
             let mut firsts = (0..steps).step_by(config.minibatch);

@@ -9,8 +9,7 @@ impl CudaEngine {
         world: &mut World,
         RolloutInput { episodes, running, policy, config, noise, .. }: &mut RolloutInput,
     ) -> Result<RolloutStats> {
-        let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
-        let (resident, noise, horizon) = (&*resident, *noise, config.horizon);
+        let (resident, noise, horizon) = (on_card(&mut episodes.simulation)?, *noise, config.horizon);
         let right =
             horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right)?;
@@ -29,17 +28,18 @@ impl CudaEngine {
         Ok(RolloutStats { failed: world.end(resident)?, ended: self.ended(running)?, ..RolloutStats::default() })
     }
 
-    fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> Result<(), DeviceError> {
+    fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> DeviceResult {
         let (n, width, kept) = (self.kept.environments, self.shape.inputs(), &self.kept);
         self.drawn(t, (noise, t))?;
         let next = if t + 1 == kept.horizon { kept.rows.ptr } else { kept.observations.at((t + 1) * n * width) };
-        let rows = [kept.observations.at(t * n * width), next, kept.rows.at(n * width), kept.cuts.ptr].map(Ptr);
-        let came = [kept.rewards.at(t * n), kept.ends.at(t * n)].map(Ptr);
-        world.step(resident, t, kept.actions.ptr, &[&rows[..], &[Int(self.shape.stack)], &came].concat())
+        let (now, cut) = (kept.observations.at(t * n * width), kept.rows.at(n * width));
+        let (rewards, ends) = (kept.rewards.at(t * n), kept.ends.at(t * n));
+        let judge = args![now, next, cut, &kept.cuts, self.shape.stack, rewards, ends];
+        world.step(resident, t, kept.actions.ptr, &judge)
     }
 
     /// Episodes that ended, with their returns and lengths.
-    fn ended(&self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
+    fn ended(&self, running: &mut Running) -> DeviceResult<Vec<Ended>> {
         let (n, d) = (self.kept.environments, &self.net.device);
         let (rewards, ends) = (d.download(&self.kept.rewards)?, d.download(&self.kept.ends)?);
         d.read(&self.kept.rows, &mut running.stack.rows)?;

@@ -56,11 +56,7 @@ struct Past {
 impl World {
     /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
     /// device. `back` is the horizon of rollouts that are differentiated.
-    pub(super) fn new(
-        episodes: &mut Episodes,
-        beside: &Device,
-        back: Option<usize>,
-    ) -> Result<Option<Self>, StepError> {
+    pub fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) =
             (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let climbs = i32::from(episodes.climbs());
@@ -68,10 +64,10 @@ impl World {
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let text = task.kernels(Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
-        let _foreseen = beside.foresee(&text).map_err(failed)?;
+        let _foreseen = beside.foresee(&text)?;
         resident.hold(batch)?;
         if let Some((device, _)) = resident.held() {
-            device.join(beside).map_err(failed)?;
+            device.join(beside)?;
         }
         let steps = back.unwrap_or(0);
         if back.is_some() {
@@ -79,7 +75,7 @@ impl World {
         }
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
-        let make = || -> Result<Self, DeviceError> {
+        let make = || -> DeviceResult<Self> {
             let kernels = if back.is_some() { &KERNELS[..] } else { &KERNELS[..2] };
             let device = Device::open(&text, kernels)?;
             device.join(beside)?;
@@ -129,80 +125,68 @@ impl World {
         // Task kernels that do not compile, or no memory left by the solver: the task then runs on the CPU, and the
         // reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
-        world.past.take(&world.device, &kept).map_err(failed)?;
+        world.past.take(&world.device, &kept)?;
         Ok(Some(world))
     }
 
-    pub(super) fn frames(&self) -> usize {
+    pub fn frames(&self) -> usize {
         self.step
     }
 
     /// Upper bound on the time-outs of one environment within `steps` steps.
-    pub(super) fn cuts(&self, steps: usize) -> usize {
+    pub fn cuts(&self, steps: usize) -> usize {
         1 + (steps.saturating_sub(1) as u64 / self.length) as usize
     }
 
-    fn launch(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.device.launch(
-            kernel,
-            (self.n.div_ceil(BLOCK), 1),
-            (BLOCK, 1),
-            0,
-            &[&[Ptr(self.fields.ptr)], args].concat(),
-        )
+    fn launch(&self, kernel: &str, args: &[Arg]) -> DeviceResult {
+        self.device.launch_each(kernel, self.n, BLOCK, &[&args![&self.fields], args].concat())
     }
 
     /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
-    pub(super) fn step(
-        &self,
-        resident: &dyn Resident,
-        t: usize,
-        actions: u64,
-        judge: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> DeviceResult {
         for frame in 0..self.step {
-            let past = self.past.place(t * self.step + frame).map(Ptr);
-            self.launch("task_act", &[&[Ptr(actions), Int(frame)][..], &past].concat())?;
+            let [states, torques, goals] = self.past.place(t * self.step + frame);
+            self.launch("task_act", &args![actions, frame, states, torques, goals])?;
             resident.frame()?;
         }
         let reached = self.reached.as_ref().map_or(0, |reached| reached.at(t * self.states.len()));
-        self.launch("task_judge", &[judge, &[Ptr(reached)]].concat())
+        self.launch("task_judge", &[judge, &args![reached]].concat())
     }
 
     /// Key of a captured rollout: address of the world and ring index of its next frame. `None` if rollouts of `steps`
     /// steps begin at changing indices.
-    pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
+    pub fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
         (room == 0 || (steps * self.step).is_multiple_of(room))
             .then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
     }
 
-    pub(super) fn passed(&mut self, steps: usize) {
+    pub fn passed(&mut self, steps: usize) {
         let past = &mut self.past;
         past.count += steps * self.step;
         past.known = (past.known + steps * self.step).min(past.most);
     }
 
     /// The stored frames for the backward pass; addresses of the goals before them and of the states after each step.
-    pub(super) fn trail(&self) -> (Trail, [u64; 2]) {
+    pub fn trail(&self) -> (Trail, [u64; 2]) {
         let Past { room, states, torques, goals, .. } = &self.past;
         let reached = self.reached.as_ref().map_or(0, |reached| reached.ptr);
         (Trail { states: states.ptr, torques: torques.ptr, frames: *room }, [goals.ptr, reached])
     }
 
     /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
-    pub(super) fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
-        let args = [&[Ptr(self.fields.ptr), Ptr(steps)], args].concat();
+    pub fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> DeviceResult {
+        let args = [&args![&self.fields, steps], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
 
     /// Ends a rollout: downloads the states and returns the number of failed episodes.
-    pub(super) fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
+    pub fn end(&mut self, resident: &dyn Resident) -> Result<usize, StepError> {
         let mut counts = [0; 2];
-        self.device.read(&self.counts, &mut counts).map_err(failed)?;
-        self.device.write(&self.counts, &[0, 0]).map_err(failed)?;
+        self.device.read(&self.counts, &mut counts)?;
+        self.device.write(&self.counts, &[0, 0])?;
         if let Some((device, held)) = resident.held() {
-            device.read(&held.states, &mut self.states).map_err(failed)?;
+            device.read(&held.states, &mut self.states)?;
         }
         if let Some(env) = counts[1].checked_sub(1) {
             let reason = "a start that cannot be stepped would restart for ever".into();
@@ -212,7 +196,7 @@ impl World {
     }
 
     /// Snapshot for later steps, as of the end of the last rollout.
-    pub(super) fn snapshot(&self) -> Result<Snapshot, StepError> {
+    pub fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
         let mut kept = Snapshot {
             states: self.states.clone(),
@@ -221,10 +205,10 @@ impl World {
             ..Default::default()
         };
         kept.goals.resize(self.goals.len, 0.0);
-        d.read(&self.frames, &mut kept.frames).map_err(failed)?;
-        d.read(&self.begun, &mut kept.begun).map_err(failed)?;
-        d.read(&self.goals, &mut kept.goals).map_err(failed)?;
-        self.past.give(d, &mut kept).map_err(failed)?;
+        d.read(&self.frames, &mut kept.frames)?;
+        d.read(&self.begun, &mut kept.begun)?;
+        d.read(&self.goals, &mut kept.goals)?;
+        self.past.give(d, &mut kept)?;
         Ok(kept)
     }
 }
@@ -249,7 +233,7 @@ impl Past {
         [self.states.at(states), self.torques.at(torques), self.goals.at(goals)]
     }
 
-    fn take(&mut self, device: &Device, kept: &Snapshot) -> Result<(), DeviceError> {
+    fn take(&mut self, device: &Device, kept: &Snapshot) -> DeviceResult {
         self.known = kept.past_states.len().checked_div(self.sizes[0]).unwrap_or(0).min(self.most);
         // Fill the end of the ring, so that the next rollout begins at index 0.
         let first = self.room - self.known;
@@ -258,7 +242,7 @@ impl Past {
         device.write_at(&self.torques, first * self.sizes[1], &kept.past_torques)
     }
 
-    fn give(&self, device: &Device, kept: &mut Snapshot) -> Result<(), DeviceError> {
+    fn give(&self, device: &Device, kept: &mut Snapshot) -> DeviceResult {
         let [states, torques] = [device.download(&self.states)?, device.download(&self.torques)?];
         for frame in self.count - self.known..self.count {
             let part = |of: &[f64], size: usize| of[frame % self.room * size..][..size].to_vec();

@@ -91,7 +91,7 @@ pub(super) fn back(
     let (actor, critic) = (policy.network(), value.network());
     let (shares, trace) = (shares(&steps.ends, n, config.gamma), &steps.trace);
     let (mut behind, mut by_torques, mut by_action) = (vec![0.0; n * wide], vec![0.0; n * joints], vec![0.0; n * a]);
-    let mut works: Vec<Work> = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect();
+    let mut works = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect_vec();
     let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
     let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
         let (gradients, torques, actions) = parts;
@@ -115,8 +115,7 @@ pub(super) fn back(
     for t in (0..h).rev() {
         let (ends, last) = (&steps.ends[t * n..][..n], (t + 1) * frames - 1);
         // Environments with a bootstrap value after this step.
-        let asked: Vec<usize> =
-            (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect();
+        let asked = (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect_vec();
         cut -= ends.iter().filter(|end| **end == TRUNCATED).count();
         let mut next_cut = cut;
         let mut rows = Vec::with_capacity(asked.len() * width);
@@ -167,7 +166,7 @@ pub(super) fn back(
                 &trace.torques[k * n * joints..][..n * joints],
                 &mut behind,
             )?;
-            by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
+            add(&mut by_torques, &found);
             each(
                 (&mut behind, &mut by_torques, &mut by_action),
                 &|env, Env { gradient, by_torques, by_action }, work| {
@@ -205,7 +204,7 @@ pub(super) fn back(
         }
         by_actions[t * n * a..][..n * a].copy_from_slice(&by_action);
     }
-    let without: Vec<usize> = (0..n).filter(|env| way.without[*env]).collect();
+    let without = (0..n).filter(|env| way.without[*env]).collect_vec();
     for (t, env) in (0..h).flat_map(|t| without.iter().map(move |env| (t, env))) {
         by_actions[(t * n + env) * a..][..a].fill(0.0);
     }

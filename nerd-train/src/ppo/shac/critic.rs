@@ -7,20 +7,19 @@ impl Shac {
     pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> f64 {
         (self.critic.seen, self.critic.returns) = (policy.seen.clone(), policy.returns.clone());
         let (width, a, mut network) = (policy.shape.inputs(), policy.shape.action, self.critic.network());
-        let value_targets: Vec<f32> = self.returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
+        let value_targets = self.returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect_vec();
         let (mut lost, mut batches) = (0.0, 0.0);
         for order in orders(config, key) {
             for batch in order.chunks(config.minibatch) {
-                let own: Vec<usize> = batch.iter().map(|i| *i as usize).collect();
-                let rows: Vec<f64> =
-                    own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect();
+                let own = batch.iter().map(|i| *i as usize).collect_vec();
+                let rows = own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect_vec();
                 let scale = 1.0 / batch.len() as f32;
                 let (gradient, sum) = through(&self.critic, &network, &rows, By::Parameters, |i, said, by| {
                     let off = said[a] - value_targets[own[i]];
                     by[a] = scale * off;
                     f64::from(off * off)
                 });
-                let gradient: Vec<f32> = gradient.into_iter().map(|g| g as f32).collect();
+                let gradient = gradient.into_iter().map(|g| g as f32).collect_vec();
                 lost += f64::from(scale * sum as f32);
                 batches += 1.0;
                 self.adam.step(BETA, &mut self.critic.flat, &gradient);

@@ -119,8 +119,8 @@ impl Shac {
     /// Contribution of the environments `envs` to the gradient of `-J` with respect to the policy's parameters.
     fn by_parameters(&self, policy: &Policy, envs: Range<usize>) -> Vec<f32> {
         let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.environments());
-        let own: Vec<usize> = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect();
-        let rows: Vec<f64> = own.iter().flat_map(|i| &self.steps.rows[i * width..][..width]).copied().collect();
+        let own = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect_vec();
+        let rows = own.iter().flat_map(|i| &self.steps.rows[i * width..][..width]).copied().collect_vec();
         let by_action = |i: usize| &self.by_actions[own[i] * a..][..a];
         let (mut flat, _) = through(policy, &policy.network(), &rows, By::Parameters, |i, _, by| {
             by.iter_mut().zip(by_action(i)).for_each(|(by, g)| *by = *g as f32);

@@ -35,7 +35,7 @@ impl Steps {
             let answer = actor.answer(&running.stack.rows);
             let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..*noise });
             kept.rows.extend_from_slice(&running.stack.rows);
-            let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+            let actions = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect_vec();
             kept.drawn.extend(drawn);
             kept.mean.extend(answer.mean);
             let (result, ended) = running.step(episodes, &actions, &mut cut)?;

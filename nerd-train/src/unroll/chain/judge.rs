@@ -10,16 +10,14 @@ use super::*;
 /// # Errors
 /// If the robot is not a chain, or the network is not for its number of rods.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
-    let refused = |e: nerd_model::chain::NoChain| Error::Refused(e.to_string());
-    let (chain, mut solver) =
-        (Chain::of(system).map_err(refused)?, ChainSolver::new(weights, normalizer, system).map_err(refused)?);
+    let (chain, mut solver) = (Chain::of(system)?, ChainSolver::new(weights, normalizer, system)?);
     let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
     let mut batch = Batch::new(system, first, motions.len());
     batch.scenes.clone_from_slice(&motions.scenes);
     (0..motions.len()).for_each(|i| batch.reset(i, motions.state(i, 0)));
     let mut total = 0.0;
     for frame in 0..motions.frames {
-        let torques: Vec<f64> = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect();
+        let torques = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect_vec();
         match solver.step(&mut batch, &torques) {
             Err(StepError::Environments(_)) => return Ok(f64::INFINITY),
             done => done?,
@@ -42,21 +40,17 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
 
 /// Relative error of a network in the change of rates over single frames, at `frames` evenly spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
-    let rows = validation_rows(motions.len() * motions.frames, frames);
-    let one = |memory: &mut Memory, row: &u64| {
-        let (motion, frame) = (*row as usize / motions.frames, *row as usize % motions.frames);
+    ratio(motions, frames, Memory::default, |memory, motion, frame| {
         let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
         let look =
             Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
         let mut tokens = Vec::new();
         look.tokens(chain, &before, &mut tokens);
-        let all: Vec<usize> = (0..chain.rods).collect();
+        let all = (0..chain.rods).collect_vec();
         let numbers = network.forward(&tokens, memory, Pass::Windows(chain.rods, &all));
         let after = chain.advance(&before, &look.glided, Outputs { numbers, scale });
         let off =
             |a: &[nalgebra::Vector3<f64>]| a.iter().zip(&truth.rates).map(|(a, b)| (a - b).abs().sum()).sum::<f64>();
         (off(&after.rates), off(&before.rates))
-    };
-    let sums: Vec<(f64, f64)> = rows.par_iter().map_init(Memory::default, one).collect();
-    sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+    })
 }

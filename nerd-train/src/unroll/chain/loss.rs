@@ -49,14 +49,9 @@ impl Loss {
         total += vectors(&x, &true_x, self.velocity * dt * q, 2.0 * weight, &mut by_nodes[0]);
         total += vectors(&v, &true_v, self.velocity * q, weight, &mut by_nodes[1]);
         chain.nodes_back(&by_nodes, gradient);
-        let led = predicted
-            .gripper
-            .numbers()
-            .zip(truth.gripper.numbers())
-            .zip(self.gripper)
-            .zip(gradient.gripper.numbers_mut());
-        total
-            + led.map(|(((a, b), unit), gradient)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, gradient)).sum::<f64>()
+        let both = predicted.gripper.numbers().zip(truth.gripper.numbers());
+        let led = izip!(both, self.gripper, gradient.gripper.numbers_mut());
+        total + led.map(|((a, b), unit, gradient)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, gradient)).sum::<f64>()
     }
 }
 

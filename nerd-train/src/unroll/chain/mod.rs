@@ -135,7 +135,7 @@ impl Cable {
         {
             text += &format!("#define {name} {x:e}\n");
         }
-        let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();
+        let led = loss.gripper.iter().map(|x| format!("{x:e}")).collect_vec();
         text += &format!("TABLE double BY_LED[] = {{{}}};\n", led.join(", "));
         text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh")
     }

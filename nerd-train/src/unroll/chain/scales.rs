@@ -13,7 +13,7 @@ const LEAST: f64 = 1e-9;
 pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     let total = motions.len() * motions.frames;
     let step = total.div_ceil(FRAMES).max(1);
-    let frames: Vec<usize> = (0..total).step_by(step).collect();
+    let frames = (0..total).step_by(step).collect_vec();
     let sizes: Vec<[f64; 15]> =
         frames.par_iter().map(|row| sizes(chain, motions, row / motions.frames, row % motions.frames)).collect();
     let mean: [f64; 15] =

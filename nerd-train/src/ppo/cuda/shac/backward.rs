@@ -27,8 +27,8 @@ pub(super) struct BackwardPass {
     _kept: [Buffer<f64>; 2],
     by_spread: Buffer<f32>,
     /// J by environment, and whether an environment had a frame without finite gradients.
-    pub(super) earned: Buffer<f64>,
-    pub(super) without: Buffer<u32>,
+    pub earned: Buffer<f64>,
+    pub without: Buffer<u32>,
     scale: f64,
     replays: [Replay; 3],
 }
@@ -36,21 +36,16 @@ pub(super) struct BackwardPass {
 /// A rollout on the device, with its engine, world and solver.
 #[derive(Clone, Copy)]
 pub(super) struct Rolled<'a> {
-    pub(super) engine: &'a CudaEngine,
-    pub(super) world: &'a World,
-    pub(super) resident: &'a dyn Resident,
-    pub(super) config: &'a PpoConfig,
+    pub engine: &'a CudaEngine,
+    pub world: &'a World,
+    pub resident: &'a dyn Resident,
+    pub config: &'a PpoConfig,
     /// Address of the weights of V'.
-    pub(super) target_critic: u64,
+    pub target_critic: u64,
 }
 
 impl BackwardPass {
-    pub(super) fn new(
-        engine: &CudaEngine,
-        world: &World,
-        robot: &Robot,
-        config: &PpoConfig,
-    ) -> Result<Self, DeviceError> {
+    pub fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> DeviceResult<Self> {
         let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
         let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
         let steps = n * kept.horizon;
@@ -102,12 +97,12 @@ impl BackwardPass {
     }
 
     /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
-    pub(super) fn value(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn value(&self, of: Rolled) -> DeviceResult {
         self.replays[0].run(&of.engine.net.device, "values", (), || self.values(of))
     }
 
     /// Evaluates policy and solver again at all steps, as preparation of `back`.
-    pub(super) fn recall(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn recall(&self, of: Rolled) -> DeviceResult {
         let Rolled { engine, world, resident, .. } = of;
         let (net, kept) = (&engine.net, &engine.kept);
         self.replays[1].run(&net.device, "recall", (), || {
@@ -117,11 +112,11 @@ impl BackwardPass {
     }
 
     /// Computes the gradient of `-J` with respect to the policy's parameters.
-    pub(super) fn back(&self, of: Rolled) -> Result<(), DeviceError> {
+    pub fn back(&self, of: Rolled) -> DeviceResult {
         self.replays[2].run(&of.engine.net.device, "way back", (), || self.through(of))
     }
 
-    fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> Result<(), DeviceError> {
+    fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> DeviceResult {
         let (net, kept) = (&engine.net, &engine.kept);
         let (n, a, steps, rows) = (
             kept.environments,
@@ -130,29 +125,29 @@ impl BackwardPass {
             (1 + kept.slots) * kept.environments,
         );
         engine.reached(target_critic)?;
-        let read = [&kept.rewards.ptr, &kept.ends.ptr, &kept.values.ptr, &kept.units.ptr].map(|at| Ptr(*at));
-        let written = [self.shares.ptr, self.asked.ptr, net.targets.ptr, self.earned.ptr, self.without.ptr].map(Ptr);
-        let sizes = [n, kept.horizon, kept.slots, a, engine.shape.outputs()].map(Int);
-        let law = [config.gamma, self.scale].map(Double);
-        engine.over("shac_ahead", n, &[&read[..], &written, &sizes, &law].concat())?;
+        let Self { shares, asked, earned, without, scale, .. } = self;
+        let read = args![&kept.rewards, &kept.ends, &kept.values, &kept.units];
+        let written = args![shares, asked, &net.targets, earned, without];
+        let sizes = args![n, kept.horizon, kept.slots, a, engine.shape.outputs(), config.gamma, *scale];
+        engine.over("shac_ahead", n, &[&read[..], &written, &sizes].concat())?;
         net.backward(target_critic, None, 0..rows, Some(self.by_rows.ptr))?;
         net.forward_from(engine.steps.inputs.ptr, target_critic, steps)?;
         engine.value(0, kept.values.ptr, steps)?;
         engine.finished(config)
     }
 
-    fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> Result<(), DeviceError> {
+    fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> DeviceResult {
         let (net, n, horizon, frames) = (&engine.net, engine.kept.environments, engine.kept.horizon, world.frames());
         let (weights, steps, trail) = (engine.weights.ptr, self.fields.ptr, world.trail().0);
         let [slope, by_torques] = [self.slope.ptr, self.pushed.ptr];
         for t in (0..horizon).rev() {
-            world.back("task_arrive_back", 1, steps, &[Int(t)])?;
+            world.back("task_arrive_back", 1, steps, &args![t])?;
             for frame in (t * frames..(t + 1) * frames).rev() {
                 resident.back(
                     trail,
                     Back { frame, rows: 1, grad_next: slope, by_states: slope, by_torques, next: [0; 2] },
                 )?;
-                world.back("task_acted_back", 1, steps, &[Int(frame)])?;
+                world.back("task_acted_back", 1, steps, &args![frame])?;
             }
             if t > 0 {
                 net.backward(weights, None, t * n..(t + 1) * n, Some(self.by_seen.ptr))?;
@@ -165,7 +160,7 @@ impl BackwardPass {
     }
 
     /// Begins the next episode in environments without gradients, and writes its observation.
-    pub(super) fn begin_again(&self, of: Rolled) -> Result<(), DeviceError> {
-        of.world.back("task_begin_again", 1, self.fields.ptr, &[Ptr(of.engine.kept.rows.ptr)])
+    pub fn begin_again(&self, of: Rolled) -> DeviceResult {
+        of.world.back("task_begin_again", 1, self.fields.ptr, &args![&of.engine.kept.rows])
     }
 }

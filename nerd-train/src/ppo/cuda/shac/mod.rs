@@ -29,6 +29,12 @@ struct Critic {
     loaded: bool,
 }
 
+impl Critic {
+    fn vectors(&self) -> [&Buffer<f32>; 4] {
+        [&self.weights, &self.target_critic, &self.moments[0], &self.moments[1]]
+    }
+}
+
 impl CudaShac {
     /// Allocates memory for rollouts and updates under the settings of `shac`.
     pub fn new(shac: Shac, policy: &Policy, config: &PpoConfig) -> Result<Self> {
@@ -48,16 +54,15 @@ impl CudaShac {
         self.part("rollout", &mut started)?;
         self.load()?;
         let RolloutInput { episodes, running, policy, config, .. } = on;
-        let Simulation { batch, solver } = &mut episodes.simulation;
-        let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
         let way = match self.way.take() {
             Some(way) => way,
-            None => BackwardPass::new(&self.engine, world, &batch.system.robot, config)?,
+            None => BackwardPass::new(&self.engine, world, &episodes.simulation.batch.system.robot, config)?,
         };
+        let resident = on_card(&mut episodes.simulation)?;
         let rolled =
             Rolled { engine: &self.engine, world, resident, config, target_critic: self.critic.target_critic.ptr };
         for (name, go) in [
-            ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> Result<(), DeviceError>),
+            ("values", BackwardPass::value as fn(&BackwardPass, Rolled) -> DeviceResult),
             ("recall", BackwardPass::recall),
             ("way back", BackwardPass::back),
         ] {
@@ -70,8 +75,8 @@ impl CudaShac {
         self.shac.gradient.resize(policy.flat.len(), 0.0);
         d.read(&self.engine.gradient, &mut self.shac.gradient)?;
         self.shac.earned = d.download(&way.earned)?.iter().sum();
-        let without: Vec<usize> =
-            d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect();
+        let without =
+            d.download(&way.without)?.iter().enumerate().filter(|(_, x)| **x > 0).map(|(env, _)| env).collect_vec();
         if !without.is_empty() {
             way.begin_again(rolled)?;
             d.read(&self.engine.kept.rows, &mut running.stack.rows)?;
@@ -86,12 +91,8 @@ impl CudaShac {
     fn load(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.critic.loaded, true) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &self.shac);
-            let there =
-                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
-            there
-                .into_iter()
-                .zip([&critic.flat, target_critic, &adam.m, &adam.v])
-                .try_for_each(|(to, from)| d.write(to, from))?;
+            let here = [&critic.flat, target_critic, &adam.m, &adam.v];
+            self.critic.vectors().into_iter().zip(here).try_for_each(|(to, from)| d.write(to, from))?;
         }
         Ok(())
     }
@@ -109,11 +110,7 @@ impl CudaShac {
         let learned = engine.passes(&mut shac.adam, &config, orders.into_iter());
         swap(engine);
         let n = critic.weights.len;
-        engine.over(
-            "shac_follow",
-            n,
-            &[Ptr(critic.target_critic.ptr), Ptr(critic.weights.ptr), Float(KEPT), Long(n as u64)],
-        )?;
+        engine.over("shac_follow", n, &args![&critic.target_critic, &critic.weights, KEPT, n])?;
         Ok(learned?.terms.critic)
     }
 
@@ -180,9 +177,7 @@ impl Engine for CudaShac {
         if std::mem::take(&mut self.critic.loaded) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
             let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
-            let there =
-                [&self.critic.weights, &self.critic.target_critic, &self.critic.moments[0], &self.critic.moments[1]];
-            there.into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
+            self.critic.vectors().into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
         }
         self.shac.learned()
     }

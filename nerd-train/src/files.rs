@@ -1,0 +1,20 @@
+//! Files as [`nerd_sim::files`] reads and writes them; an error names the file.
+
+use nerd_sim::files;
+
+use crate::prelude::*;
+
+/// Replaces a file, and creates its folder if absent.
+pub(crate) fn write(path: &Path, bytes: impl AsRef<[u8]>) -> Result<()> {
+    files::write(path, bytes.as_ref()).map_err(Error::file(path))
+}
+
+/// Reads a text.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    files::read_text(path).map_err(Error::file(path))
+}
+
+/// Reads a record, which grows with its run.
+pub(crate) fn read_record(path: &Path) -> Result<String> {
+    files::read_record(path).map_err(Error::file(path))
+}
