@@ -66,7 +66,7 @@ impl Workspace {
     ) -> Result<(), String> {
         let config = &settings.config;
         self.settling = settings.settling;
-        self.whole = system.frame_time / config.contact_substeps as f64;
+        self.first_h = system.frame_time / config.contact_substeps as f64;
         let robot = &system.robot;
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         self.materials.clear();
