@@ -142,7 +142,7 @@ impl Workspace {
             }
         }
         if !system.folds.is_empty() {
-            energy.kinetic_and_springs += folded(system, &self.stiff.bounds.folds, self.whole, data);
+            energy.kinetic_and_springs += folded(system, &self.stiff.bounds.folds, self.first_h, data);
         }
         for (x, joint) in q[robot.root_coords()..].iter().zip(robot.joints()) {
             let beyond = joint.limit.map_or(0.0, |l| l.stiffness * (x - x.clamp(l.lower, l.upper)).powi(2));

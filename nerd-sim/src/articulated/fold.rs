@@ -38,7 +38,7 @@ struct Met {
 }
 
 /// Calls `met` for all contacts that may occur within `h / 2` at the velocities of `data`; see [`fold`].
-fn meetings(system: &System, inv_mass: &[f64], whole: f64, h: f64, data: &Data, mut met: impl FnMut(Met)) {
+fn meetings(system: &System, inv_mass: &[f64], first_h: f64, h: f64, data: &Data, mut met: impl FnMut(Met)) {
     let folds = &system.folds;
     for (k, (parts, inv_mass)) in folds.pairs.iter().zip(inv_mass).enumerate() {
         let ([a, b], links) = (parts, parts.map(|part| folds.links[part]));
@@ -50,7 +50,7 @@ fn meetings(system: &System, inv_mass: &[f64], whole: f64, h: f64, data: &Data, 
         if (centre - other).norm() > reach + way + material.margin {
             continue;
         }
-        let material = followed(&material, *inv_mass, whole);
+        let material = followed(&material, *inv_mass, first_h);
         let near = |c: &Capsule| {
             (c.middle - other).norm() <= c.half.norm() + c.radius + folds.balls[*b].1 + way + material.margin
         };
@@ -64,13 +64,20 @@ fn meetings(system: &System, inv_mass: &[f64], whole: f64, h: f64, data: &Data, 
     }
 }
 
-/// Writes the forces between links, at the middle of a substep h, to `data.external`; returns whether any act. `whole`
-/// is the frame's first substep (s), `inv_mass` holds w n of each pair.
-pub(super) fn fold(system: &System, inv_mass: &[f64], whole: f64, h: f64, friction: Friction, data: &mut Data) -> bool {
+/// Writes the forces between links, at the middle of a substep h, to `data.external`; returns whether any act.
+/// `first_h`: substep (s) of the frame's first attempt. `inv_mass`: w n of each pair.
+pub(super) fn fold(
+    system: &System,
+    inv_mass: &[f64],
+    first_h: f64,
+    h: f64,
+    friction: Friction,
+    data: &mut Data,
+) -> bool {
     let mut external = std::mem::take(&mut data.external);
     external.fill(Wrench::default());
     let mut any = false;
-    meetings(system, inv_mass, whole, h, data, |met| {
+    meetings(system, inv_mass, first_h, h, data, |met| {
         let Some((part, gap)) = inside(met.gap, 0.5 * h * met.normal.dot(&met.velocity)) else { return };
         let f = Wrench::force_at(
             force(gap, &met.normal, &met.velocity, &part_of(&met.material, part), friction),
@@ -85,9 +92,11 @@ pub(super) fn fold(system: &System, inv_mass: &[f64], whole: f64, h: f64, fricti
 }
 
 /// Energy (J) in the springs between links.
-pub(super) fn folded(system: &System, inv_mass: &[f64], whole: f64, data: &Data) -> f64 {
+pub(super) fn folded(system: &System, inv_mass: &[f64], first_h: f64, data: &Data) -> f64 {
     let mut sum = 0.0;
-    meetings(system, inv_mass, whole, 0.0, data, |met| sum += 0.5 * met.material.stiffness * met.gap.min(0.0).powi(2));
+    meetings(system, inv_mass, first_h, 0.0, data, |met| {
+        sum += 0.5 * met.material.stiffness * met.gap.min(0.0).powi(2)
+    });
     sum
 }
 

@@ -108,7 +108,7 @@ impl Workspace {
     /// Prepares materials and memory for a frame; returns whether it may have contact.
     fn begin(&mut self, system: &System, scene: &Scene, settings: &Settings) -> bool {
         self.settling = settings.settling;
-        self.whole = system.frame_time / settings.config.contact_substeps as f64;
+        self.first_h = system.frame_time / settings.config.contact_substeps as f64;
         let robot = &system.robot;
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         self.materials.clear();

@@ -10,37 +10,40 @@
 //!
 //! ```text
 //! theta_k = max(1/4, 1/2 - 1 / (2 h^2 k w)),   theta_d = max(1/2, 1 - 1 / (h d w)),   theta_c of the drag c likewise
-//! (M + h sum J^T D J) qdd = tau - bias + sum J^T (f - D u),   u = h (w x p_dot + J_dot qd)
+//! (M + h sum J^T D J) qdd = tau - bias + sum J^T (f - D u),   u = h (omega x p_dot + J_dot qd)
 //! D = (theta_k h k + theta_d d) n n^T + theta_c c (1 - n n^T),   f = -(k g + d v_n) n - c (v_t - s_0)
 //! v = J qd - h/2 J_dot qd,   v' - v = h J qdd + u
 //! ```
 //!
-//! The implicit resistance of a touch is its `h D`, an inertia that the matrix gains. Places and J are taken at the
-//! middle. The damping d holds while a point approaches; while it parts, d is k times the material's `release`. The
-//! velocity that the damper sees decides, found by iteration. Friction holds with its last force through the slip
-//! offset `s_0` (`stick.rs`).
+//! In a `Contact` v is `start`, u is `turn`, `s_0` is `slip_offset`, and `push` returns `f - D u` and D. The implicit
+//! resistance of a touch is its `h D`, an inertia that the matrix gains. Places and J are taken at the middle. The
+//! damping d holds while a point approaches; while it parts, d is k times the material's `release`. The velocity that
+//! the damper sees decides which, found by iteration. Sticking friction starts from its last force: through the slip
+//! offset `s_0` the drag gives that force at zero slip (`stick.rs`).
 //!
-//! In u, w is the root's angular velocity and `p_dot` its velocity. A free root's `qdd` is its spatial acceleration;
-//! `p_dot` changes by that plus `w x p_dot`. The spatial acceleration of a rolling ball is `-w x p_dot`, so its `p_dot`
-//! is constant. Without `w x p_dot` in u, each of its contacts would predict an upward motion.
+//! In u, omega is the root's angular velocity and `p_dot` its velocity. A free root's `qdd` is its spatial
+//! acceleration; `p_dot` changes by that plus `omega x p_dot`. The spatial acceleration of a rolling ball is
+//! `-omega x p_dot`, so its `p_dot` is constant. Without `omega x p_dot` in u, each of its contacts would predict an
+//! upward motion.
 //!
-//! `J_dot qd` is the rate of change of a touching place's velocity at zero `qdd`. With w and a of the link it is
-//! `a + w_dot x x + w x x_dot`, less the root's `w x p_dot`. The place x moves with the centre of a ball, with a
-//! corner, or round the rim of a disc. At theta 1/2 `J_dot qd` cancels: v lacks half of it, and theta u adds that half.
-//! Stiff friction has theta near 1: without `J_dot qd` it would stop slip along the middle's axes, and drive a wobbling
-//! coin.
+//! `J_dot qd` is the rate of change of a touching place's velocity at zero `qdd`. With omega and a of the link it is
+//! `a + omega_dot x r + omega x r_dot`, less the root's `omega x p_dot`. In the code omega is `w` and the place r is
+//! `x`. The place moves with the centre of a ball, with a corner, or round the rim of a disc. At theta 1/2 `J_dot qd`
+//! cancels: v lacks half of it, and theta u adds that half. Stiff friction has theta near 1, where it does not cancel.
+//! Without `J_dot qd` it would stop the slip along the middle's axes, and so drive a wobbling coin.
 //!
-//! A point may be inside its surface during only a part of the substep. The gap g is its mean over that part. k and d,
-//! and c unless it sticks, are multiplied by that part of the substep, from 0 to 1. So the instant of landing matters
-//! little. The drag c is the friction law's at the slip seen, found by iteration. A point that would pull has parted:
-//! it is dropped and the system solved again. A joint beyond its limit is a touch without friction that may pull. A
-//! joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps. A drive ([`crate::drive`])
-//! may pull, until its effort makes its force constant.
+//! A point may be inside its surface during only a part of the substep. The gap g is its mean over that part. k and d
+//! are multiplied by that fraction of the substep, and so is c in slip. So the instant of landing matters little. The
+//! drag c is friction over slip by the friction law, at the slip that the drag sees; it is found by iteration. A point
+//! that would pull has parted: it is dropped and the system solved again. A joint beyond its limit is a touch without
+//! friction that may pull. A joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps.
+//! A drive ([`crate::drive`]) may pull, until its effort makes its force constant.
 //!
-//! A joint's own damper and spring are no touches: they act in every substep. The damper's theta is 1/2 up to
-//! `z = h d w` of 1, and beyond it is `1 / (1 - exp(-z)) - 1 / z`, exact for a lone damper. A spring too stiff for the
-//! substep, `z = h^2 k w`, would ring forever and shake the rest. It is damped by at least `h k min(z, 1/2)`. This
-//! damping is of third order in h. If the joint's own damping is larger, it replaces this damping.
+//! A joint's own damper and spring are no touches: they act in every substep. Their forces are part of tau, and their
+//! implicit resistance (`shares`) is added to M. The spring's theta is that of a touch. The damper's theta is 1/2 up to
+//! `z_d = h d w` of 1, and beyond it is `1 / (1 - exp(-z_d)) - 1 / z_d`, exact for a lone damper. A spring too stiff
+//! for the substep, `z_k = h^2 k w`, would ring forever and shake the rest. So the damping used is at least
+//! `h k min(z_k, 1/2)`, of third order in h; the larger of this and the joint's own damping acts.
 //!
 //! A touch couples only the joints above it, so the matrix keeps the tree's zeros and the factorisation its cost. For
 //! long chains the same equations are solved along the tree (`along.rs`). `find.rs` collects the touches, `touch.rs`
@@ -71,26 +74,26 @@ impl Workspace {
         self.touches.begin(robot, scene);
         let h = system.frame_time / substeps as f64;
         let (settled, passes) = self.settling;
-        let all = Substep { asked, settled: settled / substeps as f64, passes, h };
+        let settings = Substep { asked, settled: settled / substeps as f64, passes, h };
         for substep in 0..substeps {
-            self.substep(&all, substep == 0, MAX_HALVINGS, q, qd)?;
+            self.substep(&settings, substep == 0, MAX_HALVINGS, q, qd)?;
         }
         to_world(robot, q, qd);
         centre(robot, q, -1.0);
         Ok(())
     }
 
-    /// One substep, or two halves where the solve finds no middle velocity (for the bias forces, `kick.rs`).
-    /// `halvings`: how often the substep may still be halved.
+    /// One substep. It is stepped as two halves where the solve finds no velocity at the middle, which the bias forces
+    /// need (`kick.rs`). `halvings`: how often the substep may still be halved.
     fn substep(
         &mut self,
-        own: &Substep,
+        settings: &Substep,
         first: bool,
         halvings: usize,
         q: &mut [f64],
         qd: &mut [f64],
     ) -> Result<(), String> {
-        let (Asked { system, scene, config, .. }, h) = (*own.asked, own.h);
+        let (Asked { system, scene, config, .. }, h) = (*settings.asked, settings.h);
         let robot = &system.robot;
         let half = 0.5 * h;
         if self.touches.tree.is_some() {
@@ -103,7 +106,7 @@ impl Workspace {
         self.find(system, scene, q, qd, h);
         if !system.folds.is_empty() {
             self.touches.may_gain_energy |=
-                fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
+                fold(system, &self.stiff.bounds.folds, self.first_h, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
             Some(_) => inertias(robot, &mut self.data),
@@ -118,13 +121,13 @@ impl Workspace {
         if first {
             self.touches.rate.fill(0.0);
         }
-        let lost = !self.accelerate_ahead(own, qd, first)? && halvings > 0;
+        let lost = !self.accelerate_ahead(settings, qd, first)? && halvings > 0;
         if let Some(kept) = &mut self.kept {
             kept.step(h, q, qd, &self.touches, lost);
         }
         if lost {
             q.copy_from_slice(&self.touches.before);
-            let halved = Substep { h: half, ..*own };
+            let halved = Substep { h: half, ..*settings };
             self.substep(&halved, first, halvings - 1, q, qd)?;
             return self.substep(&halved, false, halvings - 1, q, qd);
         }
@@ -139,15 +142,15 @@ impl Workspace {
         Ok(())
     }
 
-    /// Computes each joint's damping, and the implicit resistance of its damper and spring. Within a frame they stay
-    /// until h changes.
+    /// Computes each joint's damping, and the implicit resistance of its damper and spring. They are kept for the
+    /// frame, unless h changes, so they must not depend on the velocity.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.damped_h = h;
         for (i, joint) in robot.joints().enumerate() {
             let mut w = 0.0;
             if Damped::needs_inv_mass(joint, h, self.stiff.bounds.least[i]) {
-                self.plain(robot)?;
-                w = self.inv_mass(robot, i);
+                self.factorise_plain(robot)?;
+                w = self.joint_inv_mass(robot, i);
             }
             let damped = Damped::of(joint, h, w);
             self.touches.damping_used[i] = damped.damping_used;
@@ -156,8 +159,9 @@ impl Workspace {
         Ok(())
     }
 
-    /// Factorises the plain mass matrix, without touches, unless done already. Inverse effective masses need it.
-    fn plain(&mut self, robot: &Robot) -> Result<(), String> {
+    /// Factorises the mass matrix M, without touches and joint damping, unless done in this substep. Inverse effective
+    /// masses need it.
+    fn factorise_plain(&mut self, robot: &Robot) -> Result<(), String> {
         if std::mem::replace(&mut self.touches.factorised, true) {
             return Ok(());
         }
@@ -168,8 +172,8 @@ impl Workspace {
         if sound { Ok(()) } else { Err(self.factor.fault_at(robot, fault)) }
     }
 
-    /// Inverse effective mass w of a joint, `(M^-1)_ii`; needs [`Self::plain`].
-    fn inv_mass(&mut self, robot: &Robot, joint: usize) -> f64 {
+    /// Inverse effective mass w of a joint, `(M^-1)_ii`; needs [`Self::factorise_plain`].
+    fn joint_inv_mass(&mut self, robot: &Robot, joint: usize) -> f64 {
         let Touches { joint_column, tree, .. } = &mut self.touches;
         if let Some(tree) = tree {
             return tree.inv_mass(robot, joint);
@@ -181,8 +185,8 @@ impl Workspace {
     }
 
     /// Inverse effective mass w of a contact, `J M^-1 J^T`: along its normal, and summed over both tangential
-    /// directions. Needs [`Self::plain`].
-    fn inv_masses(&mut self, contact: &Contact) -> (f64, f64) {
+    /// directions. Needs [`Self::factorise_plain`].
+    fn contact_inv_masses(&mut self, contact: &Contact) -> (f64, f64) {
         let Touches { columns, point_columns, tree, .. } = &mut self.touches;
         let w = if let Some(tree) = tree {
             Matrix3::from_columns(&[0, 1, 2].map(|k| tree.response(contact, &Vector3::ith(k, 1.0))))
@@ -200,8 +204,8 @@ impl Workspace {
         (along, w.trace() - along)
     }
 
-    /// Chooses theta of each spring, damper and drag for stability, from the touch's own inertia
-    /// `1 / w = 1 / n^T J M^-1 J^T n`.
+    /// Chooses theta of each touch's spring, damper and drag for stability, from its own inertia
+    /// `1 / w = 1 / n^T J M^-1 J^T n`. Also computes the initial drags, and notes touches that may gain energy.
     fn set_thetas(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
         let mut touches = std::mem::take(&mut self.touches.touches);
         for touch in &mut touches {
@@ -212,21 +216,21 @@ impl Workspace {
             let w = match self.touches.weights[index] {
                 Some(w) => w,
                 None => {
-                    self.plain(robot)?;
+                    self.factorise_plain(robot)?;
                     let w = match touch {
                         Touch::Contact(contact) => {
-                            let (along, across) = self.inv_masses(contact);
+                            let (along, across) = self.contact_inv_masses(contact);
                             self.touches.slides[contact.index].0 = across;
                             along
                         }
-                        Touch::Limit(spring) | Touch::Drive { spring, .. } => self.inv_mass(robot, spring.joint),
+                        Touch::Limit(spring) | Touch::Drive { spring, .. } => self.joint_inv_mass(robot, spring.joint),
                         Touch::Friction(_) => 0.0,
                     };
                     *self.touches.weights[index].insert(if w > 0.0 { w } else { f64::INFINITY })
                 }
             };
-            // Beyond the surface for only a part of the substep: the gap at one end is positive. Then its mean over
-            // that part, plus half of the way, is positive, too.
+            // A point that comes or leaves within the substep has a positive gap at one end. Then the mean gap plus
+            // half of the way is positive, too.
             self.touches.may_gain_energy |= match touch {
                 Touch::Contact(contact) => contact.gap + 0.5 * h * contact.normal.dot(&contact.velocity).abs() > 0.0,
                 Touch::Limit(spring) => spring.gap + 0.5 * h * spring.rate.abs() > 0.0,
@@ -258,8 +262,9 @@ impl Workspace {
 
 /// A joint's damping, and the implicit resistance of its damper and spring.
 pub(super) struct Damped {
+    /// See `Touches::damping_used`.
     pub(super) damping_used: f64,
-    /// Implicit resistance, `theta h d + theta h^2 k`.
+    /// Implicit resistance (kg m^2 or kg), `theta h d + theta h^2 k`.
     pub(super) share: f64,
 }
 
@@ -271,33 +276,34 @@ impl Damped {
     }
 
     fn of(joint: &Joint, h: f64, w: f64) -> Self {
-        let z = h * h * joint.stiffness * w;
-        let damping_used = joint.damping.max(h * joint.stiffness * z.min(MAX_SPRING_DAMPING));
+        let z_k = h * h * joint.stiffness * w;
+        let damping_used = joint.damping.max(h * joint.stiffness * z_k.min(MAX_SPRING_DAMPING));
         Self {
             damping_used,
             share: exponential_theta(h * damping_used * w) * h * damping_used
-                + spring_theta(z) * h * h * joint.stiffness,
+                + spring_theta(z_k) * h * h * joint.stiffness,
         }
     }
 
     /// Derivatives of (`damping_used`, `share`) with respect to w, then to the joint's own damping.
     pub(super) fn gradients(joint: &Joint, h: f64, w: f64) -> [(f64, f64); 2] {
-        let k = h * h * joint.stiffness;
+        let h2_k = h * h * joint.stiffness;
         let damping_used = Self::of(joint, h, w).damping_used;
         let is_own = damping_used == joint.damping;
-        let by_w = if k * w < MAX_SPRING_DAMPING && !is_own { k * k / h } else { 0.0 };
-        let z = h * damping_used * w;
+        let by_w = if h2_k * w < MAX_SPRING_DAMPING && !is_own { h2_k * h2_k / h } else { 0.0 };
+        let z_d = h * damping_used * w;
         // Derivative of `exponential_theta`.
-        let gradient = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
-        let damper = |by: f64, z_by: f64| gradient * z_by * h * damping_used + exponential_theta(z) * h * by;
-        let by_spring = if spring_theta(k * w) > MEAN_THETA { 0.5 / (w * w) } else { 0.0 };
+        let theta_by_z = if z_d > 1.0 { 1.0 / (z_d * z_d) - (-z_d).exp() / (-z_d).exp_m1().powi(2) } else { 0.0 };
+        // Derivative of the damper's part of `share`, from those of `damping_used` and `z_d`.
+        let damper = |by: f64, z_by: f64| theta_by_z * z_by * h * damping_used + exponential_theta(z_d) * h * by;
+        let by_spring = if spring_theta(h2_k * w) > MEAN_THETA { 0.5 / (w * w) } else { 0.0 };
         let by_own = f64::from(is_own);
         [(by_w, damper(by_w, h * (damping_used + w * by_w)) + by_spring), (by_own, damper(by_own, h * w * by_own))]
     }
 }
 
-/// Theta of a damper: 1/2, or beyond `z = h d w` of 1 the theta that makes the decay `1 - z / (1 + theta z)` exact,
-/// `exp(-z)`.
+/// Theta of a joint's own damper: 1/2, or beyond `z = h d w` of 1 the theta that makes the decay
+/// `1 - z / (1 + theta z)` exact, `exp(-z)`. Touches have `damper` in `touch.rs`.
 fn exponential_theta(z: f64) -> f64 {
     if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
 }

@@ -25,8 +25,9 @@
 //!
 //! A joint's own forces are computed in two places. `explicit.rs` (`accelerate`) has them for explicit substeps.
 //! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` have them for implicit
-//! ones. `stiff.rs` decides which are too stiff for explicit substeps. `gradients` differentiates them, `device` has
-//! them as kernels. [`force`] is contact's alone.
+//! ones. A force in `System::held` makes every frame implicit, so it has no explicit part. `stiff.rs` decides which
+//! others are too stiff for explicit substeps. `gradients` differentiates them, `device` has them as kernels. [`force`]
+//! is contact's alone.
 
 mod along;
 mod config;

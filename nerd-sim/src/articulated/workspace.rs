@@ -54,7 +54,7 @@ pub(super) struct Workspace {
     pub(super) touches: Touches,
     pub(super) stiff: Stiff,
     /// Substep (s) of the frame's first attempt, before the energy watch shortens it.
-    pub(super) whole: f64,
+    pub(super) first_h: f64,
     /// Drives of the joints; empty: none.
     pub(super) drives: Vec<Drive>,
     /// Whether `drives` are servos, computed from the frame's torques.
@@ -90,7 +90,7 @@ impl Workspace {
             owners: Vec::new(),
             touches: Touches::new(system),
             stiff: Stiff::new(robot, bounds),
-            whole: 0.0,
+            first_h: 0.0,
             drives: Vec::new(),
             servo: false,
             rest: Vec::new(),

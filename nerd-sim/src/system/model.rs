@@ -147,7 +147,7 @@ impl System {
     }
 
     /// Whether a force acts on the robot that explicit integrators do not support: dry friction, a joint spring,
-    /// self-collision.
+    /// self-collision. Then `articulated` takes implicit substeps in every frame.
     pub fn held(&self) -> bool {
         self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }

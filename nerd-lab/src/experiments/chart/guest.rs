@@ -35,12 +35,12 @@ pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
-/// Points at powers of two of substeps; `truth` holds the frames of our reference, named `reference`.
+/// Points at powers of two of substeps; `ours` holds the frames of our converged reference, named `reference`.
 pub(super) fn points(
     mujoco: &mut Referee,
     plan: &Plan,
     most: usize,
-    truth: &[Vec<f64>],
+    ours: &[Vec<f64>],
     reference: &str,
 ) -> Result<(Vec<Point>, Against)> {
     let (config, card) = (plan.protocol, plan.environments.is_some());
@@ -64,7 +64,7 @@ pub(super) fn points(
     for (k, (scheme, name, substeps)) in settings.into_iter().enumerate() {
         bar.set(k as u64);
         let played = mujoco.play(scheme, substeps, true)?;
-        let report = errors(if own { &theirs } else { truth }, &played.frames)?;
+        let report = errors(if own { &theirs } else { ours }, &played.frames)?;
         let Some(seconds) = played.seconds else {
             bar.line(&format!("{name} x{substeps}: left out, it gave environments up"));
             continue;

@@ -20,17 +20,18 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| SolverSpec::articulated(if implicit { Stepping::Implicit } else { Stepping::Rk4 }, n);
     let bar = progress::bar("solvers", methods.len() as u64 + 1);
-    let mut truth = Recorder::new(exact(finest).solver(system, 1)?);
-    let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system, 1)?, *protocol, &mut |_| ())?;
-    let truth = truth.frames;
+    let mut converged = Recorder::new(exact(finest).solver(system, 1)?);
+    let base =
+        passive(system, scene, &mut converged, &mut *exact(finest / 2).solver(system, 1)?, *protocol, &mut |_| ())?;
+    let converged = converged.frames;
     let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
     bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
     let mut points = Vec::new();
     for (k, method) in methods.iter().enumerate() {
         bar.set(k as u64 + 1);
         bar.say(&method.spec.to_string());
-        let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
-        let theirs = theirs.as_ref().unwrap_or(&truth);
+        let theirs = method.own.map(|own| recorded(plan, own.solver(system), &converged)).transpose()?;
+        let theirs = theirs.as_ref().unwrap_or(&converged);
         let compare =
             |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
         for (series, found) in each(plan, method, &compare) {
@@ -59,7 +60,7 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         mujoco: None,
         environments: plan.environments,
     };
-    Ok((data, truth))
+    Ok((data, converged))
 }
 
 /// Errors and time by series; on a GPU one series for each number format.

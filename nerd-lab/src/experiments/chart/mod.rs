@@ -5,7 +5,7 @@
 //! simulation cannot be fast. Dashed lines show the reference's own error (its distance from half its substeps) and the
 //! error of repeating the start. A model of another engine is compared with that engine, since it cannot come nearer to
 //! our reference. MuJoCo takes part if a Python has it (`guest`). With `--device cuda` time is per frame among many
-//! environments on a GPU (`card`).
+//! environments on a GPU (`experiments/card.rs`).
 //!
 //! `plan.rs` lists the solvers, `measure.rs` measures those with a [`SolverSpec`], and `guest.rs` measures another
 //! engine.
