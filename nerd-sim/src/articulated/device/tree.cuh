@@ -1,7 +1,7 @@
-// The tree: kinematics, mass matrix, bias forces and factor, as nerd_core::dynamics. The host (program.rs) defines
-// sizes and tables: NL links, NV velocities, NQ coordinates, NJ joints, DOFS and COORDS of the root. Per link: PARENT
-// (or -1), DOF, JOINT (index of its coordinate), SLIDES, RATIO and OFFSET (mimic joints), PLACE, TURN, AXIS, MASS, COM,
-// BODY, ARMATURE. `MASS(t)` is a constant table, or in a family may be the tree's own (own.rs).
+// The tree: kinematics, mass matrix, bias forces and factor, as nerd_core::dynamics. The host (program.rs, tables.rs)
+// defines sizes and tables: NL links, NV velocities, NQ coordinates, NJ joints, DOFS and COORDS of the root. Per link:
+// PARENT (or -1), DOF, JOINT (index of its coordinate), SLIDES, RATIO and OFFSET (mimic joints), PLACE, TURN, AXIS,
+// MASS, COM, BODY, ARMATURE. `MASS(t)` is a constant table, or in a family may be the tree's own (own.rs).
 
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
