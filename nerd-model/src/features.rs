@@ -140,11 +140,9 @@ impl Features {
         // The mask zeroes inputs of the network. A masked event does not mean a contact at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
         let none = Vector3::zeros();
-        for (k, event) in contacts.iter().enumerate() {
-            put(if seen(k) { frame.direction(&event.normal) } else { none }.as_slice());
-        }
-        for (k, event) in contacts.iter().enumerate() {
-            put(if seen(k) { frame.point(&event.p1) } else { none }.as_slice());
+        let normals = contacts.iter().map(|event| frame.direction(&event.normal)).enumerate();
+        for (k, vector) in normals.chain(contacts.iter().map(|event| frame.point(&event.p1)).enumerate()) {
+            put(if seen(k) { vector } else { none }.as_slice());
         }
         contacts.iter().enumerate().for_each(|(k, event)| put(&[if seen(k) { event.distance } else { 0.0 }]));
         for (k, velocity) in self.velocities.iter().enumerate() {

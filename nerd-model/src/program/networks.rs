@@ -1,7 +1,7 @@
 //! The networks as programs, each with its equations.
 
 use super::config::{Architecture, Positions, TransformerConfig};
-use super::op::{Activation, Init, Op, Program, Step, TensorSpec};
+use super::op::{Activation, Init, Op, Program, TensorSpec};
 
 impl TransformerConfig {
     /// The network's program.
@@ -40,8 +40,7 @@ fn transformer(c: &TransformerConfig) -> Program {
     let x = p.linear("embed", p.tokens(), e, [small, Init::Constant(0.0)]);
     let band = match c.positions {
         Positions::Table => {
-            let table = p.tensor("position.weight", &[c.block, e], small);
-            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+            p.place("position", x, c.block, small);
             None
         }
         Positions::Rotary => {
@@ -122,8 +121,7 @@ fn chain(c: &TransformerConfig) -> Program {
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());
     let mut p = Program::new(c.inputs);
     let h = p.linear("embed", p.tokens(), e, [spread(c.inputs, 1.0), none]);
-    let table = p.tensor("position.weight", &[c.block, e], Init::Normal(0.02));
-    p.steps.push(Step { from: h, to: h, op: Op::Place(table) });
+    p.place("position", h, c.block, Init::Normal(0.02));
     for (i, apart) in (0..c.layers).zip(APART.into_iter().cycle()) {
         let n = p.then(h, e, Op::Norm);
         let near = p.then(n, 3 * e, Op::Neighbours(apart));

@@ -144,6 +144,12 @@ impl Program {
         self.then(x, width, Op::Linear { weight, scale, bias: None, add: false })
     }
 
+    /// Appends the addition of a table of `rows` positions to x, with tensor `NAME.weight`.
+    pub fn place(&mut self, name: &str, x: Slot, rows: usize, init: Init) {
+        let table = self.tensor(&format!("{name}.weight"), &[rows, self.width(x)], init);
+        self.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+    }
+
     /// Appends `to += x W`, with tensor `NAME.weight`.
     pub fn residual(&mut self, name: &str, x: Slot, to: Slot, init: Init) {
         let weight = self.tensor(&format!("{name}.weight"), &[self.width(x), self.width(to)], init);

@@ -4,7 +4,7 @@ use burn::tensor::{Device, Tensor};
 
 use super::burn::BurnNetwork;
 use super::config::{Architecture, Positions, TransformerConfig};
-use super::{Activation, Init, Op, Program, Slot, Step, policy};
+use super::{Activation, Init, Op, Program, Slot, policy};
 
 /// A program with parameters, tokens and an upstream gradient.
 pub struct Specimen {
@@ -73,10 +73,7 @@ pub fn operations() -> Vec<Specimen> {
             p.then(x, width, op);
         })
     };
-    let place = |p: &mut Program, x: Slot| {
-        let table = p.tensor("table", &[9, p.width(x)], Init::Normal(1.0));
-        p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
-    };
+    let place = |p: &mut Program, x: Slot| p.place("table", x, 9, Init::Normal(1.0));
     vec![
         around("linear", 7, |_, _| {}),
         around("place", 7, place),

@@ -8,8 +8,12 @@ use crate::stats::mean;
 /// Names of the compared quantities: position (m, Euclidean) and orientation (rad, angle) of a floating root, then the
 /// joints.
 pub fn quantities(system: &System) -> Vec<String> {
-    let root = ["position", "orientation"].into_iter().filter(|_| system.robot.floating()).map(String::from);
-    root.chain(system.robot.joints().map(|j| j.name.clone())).collect()
+    root(system, ["position", "orientation"]).chain(system.robot.joints().map(|j| j.name.clone())).collect()
+}
+
+fn root(system: &System, names: [&str; 2]) -> impl Iterator<Item = String> {
+    let known = system.robot.floating();
+    names.map(String::from).into_iter().filter(move |_| known)
 }
 
 /// Figures in the order of [`quantities`], as tables show them. Above two joints, their mean replaces them.
@@ -24,7 +28,7 @@ pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
 
 /// Names of the entries of [`summary`], with units.
 pub fn summary_names(system: &System) -> Vec<String> {
-    let root = ["position (m)", "orientation (rad)"].into_iter().filter(|_| system.robot.floating()).map(String::from);
+    let root = root(system, ["position (m)", "orientation (rad)"]);
     let unit = |j: &Joint| if j.kind == JointKind::Prismatic { "m" } else { "rad" };
     let joints = system.robot.joints().map(|j| format!("{} ({})", j.name, unit(j))).collect_vec();
     if joints.len() <= 2 { root.chain(joints).collect() } else { root.chain(["joints, mean (rad)".into()]).collect() }

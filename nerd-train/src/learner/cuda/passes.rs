@@ -156,13 +156,13 @@ impl Network {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
     }
 
-    /// Loss of the first `n` tokens, a mean over `all` tokens ([`crate::learner::LearnerConfig::huber`]). Its gradient
-    /// replaces the targets. The sum of squared errors goes behind the gradient vector at `g`.
-    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> DeviceResult {
-        let outputs = self.plan.outputs();
-        let (scale, bend) = (2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip()));
-        let blocks = (n * outputs).div_ceil(256).min(LOSS_BLOCKS);
-        let args = args![self.predictions(), &self.targets, &self.partial_sums, n * outputs, scale, bend];
+    /// Mean loss of the first `rows` rows ([`crate::learner::LearnerConfig::huber`]). Its gradient replaces the targets.
+    /// The sum of squared errors goes behind the gradient vector at `g`.
+    pub fn loss(&self, rows: usize, huber: Option<f32>, g: u64) -> DeviceResult {
+        let numbers = rows * self.plan.tokens * self.plan.outputs();
+        let (scale, bend) = (2.0 / numbers as f32, huber.map_or(0.0, |d| (d * d).recip()));
+        let blocks = numbers.div_ceil(256).min(LOSS_BLOCKS);
+        let args = args![self.predictions(), &self.targets, &self.partial_sums, numbers, scale, bend];
         self.device.launch_blocks("loss", blocks, 256, &args)?;
         self.column_sum(self.partial_sums.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }

@@ -75,7 +75,7 @@ impl CudaLearner {
         self.gather(&self.train, rows, None)?;
         net.fold(w)?;
         net.forward(w, rows)?;
-        net.loss(rows * net.plan.tokens, rows * net.plan.tokens, huber, g)?;
+        net.loss(rows, huber, g)?;
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
@@ -123,7 +123,7 @@ impl Learner for CudaLearner {
             self.gather(&self.validation, rows, Some(numbers.at(first)))?;
             net.forward(w, rows)?;
             // Every update overwrites the gradients.
-            net.loss(rows * tokens, rows * tokens, None, gradients.ptr)?;
+            net.loss(rows, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
             net.device.launch_blocks("add_loss", 1, 1, &args![error, &self.total])?;
         }
