@@ -52,7 +52,10 @@ impl Default for Body {
 impl Body {
     /// The system, with scenes `free` and `ground`.
     pub fn system(&self) -> Result<Arc<System>, SystemError> {
-        let (i, c, r, m) = (self.inertia, self.com, self.rpy, self.material);
+        let i = self.inertia;
+        let c = self.com;
+        let r = self.rpy;
+        let m = self.material;
         let collision = |at: [f64; 3], shape: &str| {
             format!(
                 r#"<collision><origin xyz="{} {} {}"/><geometry>{shape}</geometry></collision>"#,

@@ -128,7 +128,9 @@ impl Motion {
     /// than 0.3 m, which means that it fell through. A correct motion in these rows penetrates at most 0.13 m (the tip
     /// of a pendulum on impact).
     pub fn above(&self, figure: f64) -> f64 {
-        let (robot, mut data, mut events) = (&self.system.robot, Data::new(&self.system.robot), Vec::new());
+        let robot = &self.system.robot;
+        let mut data = Data::new(&self.system.robot);
+        let mut events = Vec::new();
         let fell = self.states.iter().any(|state| {
             contacts(&self.system, &self.scene, state, &mut data, &mut events);
             robot.contact_points.iter().zip(&events).any(|(point, event)| point.radius - event.distance > 0.3)
@@ -166,9 +168,12 @@ impl<'a> Trial<'a> {
     pub fn robot(&self, name: &str) -> Result<Arc<System>> {
         let system = System::named(name)?;
         let Some(kin) = self.method.kin else { return Ok(system) };
-        let (mut system, kin) = ((*system).clone(), System::named(&format!("{name}-{kin}"))?.spec.clone());
-        (system.spec.material, system.spec.scenes) = (kin.material, kin.scenes);
-        (system.spec.substeps, system.spec.refresh) = (kin.substeps, kin.refresh);
+        let mut system = (*system).clone();
+        let kin = System::named(&format!("{name}-{kin}"))?.spec.clone();
+        system.spec.material = kin.material;
+        system.spec.scenes = kin.scenes;
+        system.spec.substeps = kin.substeps;
+        system.spec.refresh = kin.refresh;
         Ok(Arc::new(system))
     }
 
@@ -203,7 +208,8 @@ impl<'a> Trial<'a> {
         let mut batch = Batch::new(system, &scene, 1);
         batch.reset(0, start);
         let mut torques = vec![0.0; system.robot.joint_count()];
-        let (mut states, mut work) = (vec![start.to_vec()], vec![0.0]);
+        let mut states = vec![start.to_vec()];
+        let mut work = vec![0.0];
         for _ in 0..frames {
             drive(batch.state(0), &mut torques);
             if let Err(error) = solver.step(&mut batch, &torques) {

@@ -68,7 +68,8 @@ fn swing(trial: &Trial) -> Result<f64> {
     // Only the first hinge of each pair moves.
     (0..20).for_each(|k| state[2 * k] = if k == 0 { slope(0) } else { slope(k) - slope(k - 1) });
     let motion = trial.passive(&system, "free", &state, 240)?;
-    let (start, omega) = (end(&system, &state).xy(), 0.5 * ZERO * GRAVITY.sqrt());
+    let start = end(&system, &state).xy();
+    let omega = 0.5 * ZERO * GRAVITY.sqrt();
     let gap = |(k, s): (usize, &Vec<f64>)| {
         (end(&system, s).xy().dot(&start) / start.norm_squared() - (omega * k as f64 / 60.0).cos()).abs()
     };

@@ -124,7 +124,8 @@ fn tip(trial: &Trial, times: f64) -> Result<f64> {
 
 /// Largest gain of energy over the start, relative to the start's kinetic energy.
 fn gain(motion: &Motion) -> f64 {
-    let (e, first) = (motion.energies(), motion.totals()[0].kinetic);
+    let e = motion.energies();
+    let first = motion.totals()[0].kinetic;
     most(e.iter().map(|x| (x - e[0]) / first))
 }
 
@@ -135,7 +136,9 @@ fn stiff(trial: &Trial) -> Result<f64> {
 }
 
 fn under(trial: &Trial) -> Result<f64> {
-    let (system, x, y) = (ball().system()?, 1.0, 2.0);
+    let system = ball().system()?;
+    let x = 1.0;
+    let y = 2.0;
     let start = Body::at([x, y, nerd_sim::scene::hill(x, y) - 0.03 + 0.05]);
     let motion = trial.passive(&system, "hills", &start, 60)?;
     let event = system.scene("hills")?.contact(&vector(motion.last()));
@@ -210,7 +213,8 @@ pub(super) const ROWS: &[Row] = &[
 
 /// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.
 fn plate() -> Body {
-    let (a, b) = ((0.16 + 0.01) / 12.0, 0.32 / 12.0);
+    let a = (0.16 + 0.01) / 12.0;
+    let b = 0.32 / 12.0;
     Body { shape: r#"<box size="0.4 0.4 0.1"/>"#.into(), inertia: [a, a, b], ..Default::default() }
 }
 
@@ -236,7 +240,8 @@ fn down(trial: &Trial, body: Body, degrees: f64, height: f64, frames: usize) -> 
     let q = [0.0, (0.5 * slope).sin(), 0.0, (0.5 * slope).cos()];
     let start = Body::state([s * height, 0.0, c * height], q, [0.0; 3], [0.0; 3]);
     let motion = trial.passive(&body.system()?, "ground", &start, frames)?;
-    let (along, last) = (Vector3::new(c, 0.0, -s), motion.last());
+    let along = Vector3::new(c, 0.0, -s);
+    let last = motion.last();
     Ok((along.dot(&(vector(last) - vector(&start))), along.dot(&velocity(last))))
 }
 
@@ -259,7 +264,8 @@ fn rolling(trial: &Trial) -> Result<f64> {
 
 fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64> {
     let system = Body { material: [1e4, 100.0, 1e3, 0.4], ..body }.system()?;
-    let (mut ways, mut worst) = (Vec::new(), 0.0f64);
+    let mut ways = Vec::new();
+    let mut worst = 0.0f64;
     for degrees in [0.0f64, 15.0, 30.0, 45.0] {
         let half = 0.5 * degrees.to_radians();
         let q = [0.0, 0.0, half.sin(), half.cos()];

@@ -86,7 +86,8 @@ fn gain(trial: &Trial, motion: &Motion, height: f64) -> f64 {
     if !motion.states.iter().any(moved) {
         return 1.0;
     }
-    let (totals, stored) = (motion.totals(), motion.stored());
+    let totals = motion.totals();
+    let stored = motion.stored();
     let size = totals[0].kinetic + stored[0] + totals[0].mass * GRAVITY * height;
     let energies = motion.energies();
     if trial.method.rigid {
@@ -125,7 +126,9 @@ fn tosses(trial: &Trial) -> Result<f64> {
             let mut random = stream(32, seed);
             let mut drawn =
                 |size: f64| (Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64)).normalize() * size).into();
-            let (w, v, turn) = (drawn(60.0), drawn(2.0), UnitQuaternion::from_scaled_axis(Vector3::from(drawn(2.0))));
+            let w = drawn(60.0);
+            let v = drawn(2.0);
+            let turn = UnitQuaternion::from_scaled_axis(Vector3::from(drawn(2.0)));
             let start = Body::state([0.0, 0.0, 1.0], turn.coords.into(), w, v);
             Ok(gain(trial, &trial.passive(&system, "ground", &start, 180)?, 1.0))
         })
@@ -164,7 +167,8 @@ fn chain(trial: &Trial) -> Result<f64> {
     let parts: String = (0..RODS).map(rod).chain((1..RODS).map(hinge)).collect();
     let toml = "like = \"urdf\"\nfloating = true\nself_collision = true\ngravity = [0.0, 0.0, 0.0]\n";
     let system = Arc::new(System::from_text("chain", &format!("<robot name=\"chain\">{parts}</robot>"), Some(toml))?);
-    let (mut state, nq) = (system.default_state(), system.robot.nq());
+    let mut state = system.default_state();
+    let nq = system.robot.nq();
     state[nq + 6..].copy_from_slice(&[4.0, -3.0, 3.5, -2.0]);
     Ok(gain(trial, &trial.passive(&system, "free", &state, 180)?, 0.0))
 }
@@ -190,7 +194,8 @@ fn creep(trial: &Trial) -> Result<f64> {
 }
 
 fn slide(trial: &Trial) -> Result<f64> {
-    let (friction, time) = (Body::default().material[3], 2.0);
+    let friction = Body::default().material[3];
+    let time = 2.0;
     let angle = STEEP * friction.atan();
     let states = leaning(trial, angle, time)?;
     let way = vector(&states[states.len() - 1]) - vector(&states[0]);

@@ -150,7 +150,8 @@ fn dzhanibekov(trial: &Trial) -> Result<f64> {
     // Reference: I w' = -w x I w by classical Runge-Kutta.
     let inertia = Vector3::from(brick().inertia);
     let rate = |w: Vector3<f64>| -w.cross(&inertia.component_mul(&w)).component_div(&inertia);
-    let (mut w, h) = (Vector3::from(MIDDLE), 1e-4);
+    let mut w = Vector3::from(MIDDLE);
+    let h = 1e-4;
     for _ in 0..frames * 50 {
         let a = rate(w);
         let b = rate(w + a * (0.5 * h));

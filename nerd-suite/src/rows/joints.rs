@@ -90,7 +90,8 @@ pub(super) const ROWS: &[Row] = &[
 ];
 
 fn period(trial: &Trial) -> Result<f64> {
-    let (a, inertia) = (0.05, 1.0f64 + 1e-4);
+    let a = 0.05;
+    let inertia = 1.0f64 + 1e-4;
     let system = chain(&[1.0], "", "1/60", GRAVITY)?;
     let omega = (GRAVITY / inertia).sqrt() * (1.0 - a * a / 16.0);
     let frames = (3.5 * std::f64::consts::TAU / omega * 60.0) as usize;
@@ -105,7 +106,8 @@ fn energy(trial: &Trial) -> Result<f64> {
 
 /// Largest change of energy relative to the largest kinetic energy; 1 if the centre of mass did not move by 0.1 m.
 fn kept(motion: &Motion) -> f64 {
-    let (totals, e) = (motion.totals(), motion.energies());
+    let totals = motion.totals();
+    let e = motion.energies();
     let scale = most(totals.iter().map(|t| t.kinetic));
     let change = most(e.iter().map(|x| (x - e[0]).abs()));
     if totals.iter().any(|t| (t.com - totals[0].com).norm() > 0.1) { change / scale } else { 1.0 }
@@ -128,8 +130,10 @@ fn limit(trial: &Trial) -> Result<f64> {
 }
 
 fn heavy_end(trial: &Trial) -> Result<f64> {
-    let (mut masses, mut state) = ([1.0; 16], [0.0; 32]);
-    (masses[15], state[0]) = (1000.0, FRAC_PI_2 - 0.5);
+    let mut masses = [1.0; 16];
+    let mut state = [0.0; 32];
+    masses[15] = 1000.0;
+    state[0] = FRAC_PI_2 - 0.5;
     Ok(kept(&trial.passive(&chain(&masses, "", "1/60", GRAVITY)?, "free", &state, 120)?))
 }
 
@@ -149,7 +153,9 @@ fn falling(trial: &Trial) -> Result<f64> {
 fn arm(trial: &Trial) -> Result<f64> {
     let mut system = (*trial.robot("franka")?).clone();
     for joint in system.robot.joints_mut() {
-        (joint.armature, joint.damping, joint.limit) = (0.0, 0.0, None);
+        joint.armature = 0.0;
+        joint.damping = 0.0;
+        joint.limit = None;
     }
     system.spec.gravity = [0.0, 0.0, -GRAVITY];
     let mut state = system.default_state();
@@ -162,7 +168,8 @@ fn conical(trial: &Trial) -> Result<f64> {
     let omega = (GRAVITY / cone.cos()).sqrt();
     let motion = trial.passive(&universal()?, "free", &[0.0, -cone, cone.tan() * omega, 0.0], 120)?;
     let [a, b] = [0, 1].map(|k| motion.last()[k]);
-    let (x, y) = (-b.sin(), a.sin() * b.cos());
+    let x = -b.sin();
+    let y = a.sin() * b.cos();
     let (s, c) = (2.0 * omega).sin_cos();
     Ok((x - cone.sin() * c).hypot(y - cone.sin() * s) / cone.sin())
 }

@@ -65,11 +65,13 @@ fn pushes(seed: u64, stream_number: u64, largest: f64) -> impl FnMut(&[f64], &mu
 /// Largest change of angular momentum, relative to the start, and of linear momentum without gravity's share, relative to
 /// `scale` of the start.
 fn momentum_change(motion: &Motion, scale: impl Fn(&Totals) -> f64) -> f64 {
-    let (totals, system) = (motion.totals(), &motion.system);
+    let totals = motion.totals();
+    let system = &motion.system;
     let first = &totals[0];
     most(totals.iter().enumerate().map(|(k, t)| {
         let given = system.gravity() * (first.mass * k as f64 * system.frame_time);
-        let (l, p) = (t.momentum.ang - first.momentum.ang, t.momentum.lin - first.momentum.lin - given);
+        let l = t.momentum.ang - first.momentum.ang;
+        let p = t.momentum.lin - first.momentum.lin - given;
         (l.norm() / first.momentum.ang.norm()).max(p.norm() / scale(first))
     }))
 }

@@ -134,7 +134,8 @@ pub(super) const ROWS: &[Row] = &[
 /// coordinate by at least 0.5.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64> {
     let system = trial.robot(robot)?;
-    let (nq, starts) = (system.robot.nq(), 4);
+    let nq = system.robot.nq();
+    let starts = 4;
     let mut sum = 0.0;
     for seed in 0..starts {
         let state = start(&system, Start::Reset, &mut stream(17, seed));
@@ -144,7 +145,8 @@ fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64> {
         if system.robot.floating() && coarse.above(0.0) > 0.0 {
             return Ok(1.0);
         }
-        let (coarse, finer) = (&coarse.last()[..nq], &finer.last()[..nq]);
+        let coarse = &coarse.last()[..nq];
+        let finer = &finer.last()[..nq];
         if largest_gap(coarse, &state) < 0.3 {
             return Ok(1.0);
         }
@@ -196,7 +198,8 @@ fn anymal(trial: &Trial, drives: Drives) -> Result<f64> {
     let hold = vec![0.0; system.robot.joint_count()];
     let motion =
         trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
-    let (joints, nq) = (system.robot.root_coords(), system.robot.nq());
+    let joints = system.robot.root_coords();
+    let nq = system.robot.nq();
     // A predictive law closes the initial error in one frame, at any velocity, so only the second second counts.
     let counted = &motion.states[if drives.stable_pd { 60 } else { 0 }..];
     let speed = most(counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).map(|rate| rate.abs()));

@@ -36,7 +36,8 @@ pub(super) const ROWS: &[Row] = &[
 
 /// A cylinder along z with this radius and length (m), 1 kg of uniform density.
 fn cylinder([radius, length]: [f64; 2], material: [f64; 4]) -> Result<Arc<System>> {
-    let (along, across) = (0.5 * radius * radius, radius * radius / 4.0 + length * length / 12.0);
+    let along = 0.5 * radius * radius;
+    let across = radius * radius / 4.0 + length * length / 12.0;
     let shape = format!(r#"<cylinder radius="{radius}" length="{length}"/>"#);
     Ok(Body { shape, inertia: [across, across, along], material, ..Default::default() }.system()?)
 }
@@ -63,17 +64,21 @@ fn wheel(trial: &Trial) -> Result<f64> {
 /// `r = -R t - l n`: t points up the coin's face, n is its axis. `d/dt L = r x m g` gives
 /// `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
 fn coin(trial: &Trial) -> Result<f64> {
-    let (radius, half, a) = (0.1, 0.001, PI / 6.0);
+    let radius = 0.1;
+    let half = 0.001;
+    let a = PI / 6.0;
     let system = cylinder([radius, 2.0 * half], [1e5, 100.0, 1e4, 0.5])?;
     let [across, _, along] = [0, 1, 2].map(|k| system.robot.links[0].inertia.inertia[(k, k)]);
     let arm = GRAVITY * (radius * a.cos() - half * a.sin());
     let rate = (arm / (a.sin() * (across * a.cos() - along * half / radius * a.sin()))).sqrt();
-    let (up, out) = (Vector3::new(-a.cos(), 0.0, a.sin()), leaning(a) * Vector3::z());
+    let up = Vector3::new(-a.cos(), 0.0, a.sin());
+    let out = leaning(a) * Vector3::z();
     let spin = (up * radius + out * half) * (rate * a.sin() / radius);
     let height = radius * a.sin() + half * a.cos() - GRAVITY / 1e5;
     let start = Body::state([0.0, 0.0, height], leaning(a).coords.into(), spin.into(), [0.0; 3]);
     let motion = trial.passive(&system, "ground", &start, 300)?;
-    let (mut turned, mut before) = (0.0, 0.0f64);
+    let mut turned = 0.0;
+    let mut before = 0.0f64;
     for now in motion.states.iter().map(|s| axis(s).y.atan2(axis(s).x)) {
         turned += (now - before + PI).rem_euclid(2.0 * PI) - PI;
         before = now;

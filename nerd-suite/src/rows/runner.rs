@@ -42,7 +42,8 @@ fn run(trial: &Trial, height: f64) -> Result<Motion> {
     let system = trial.robot("ant")?;
     let mut state = system.default_state();
     let nq = system.robot.nq();
-    let (forward, up) = (Vector3::x(), -system.gravity().normalize());
+    let forward = Vector3::x();
+    let up = -system.gravity().normalize();
     let turn = up.cross(&forward) * TURN;
     let place = up * height;
     state[..3].copy_from_slice(place.as_slice());
