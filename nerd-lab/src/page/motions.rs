@@ -19,7 +19,7 @@ fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>)
     Ok([("NeRD".into(), model), (format!("the truth, {}", truth.name()), truth.solver(system))])
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub enum Cause {
     /// Passive motion in this scene.
     Release(&'static str),
@@ -89,11 +89,11 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);
     let system = named(&config.task)?.system()?;
-    let mut replay: Option<Replay> = None;
+    let mut replay = None;
     for (name, solver) in both(&system, model)? {
         let task = named(&config.task)?;
-        let (batch, dt) =
-            (Batch::new(&system, &system.scene(task.scene())?, 1), system.frame_time * task.frames() as f64);
+        let batch = Batch::new(&system, &system.scene(task.scene())?, 1);
+        let dt = system.frame_time * task.frames() as f64;
         let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         let replay = replay.get_or_insert_with(|| Replay::new(&config.task, &episodes.simulation.batch, dt));
         replay::record(replay, &name, &actor, &mut episodes, steps)?;
