@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 pub mod bodies;
+mod figures;
 mod row;
 mod rows;
 mod trial;
