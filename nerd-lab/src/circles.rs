@@ -3,13 +3,11 @@
 //! An edge leads from a file to each file that defines a name it uses. Re-exports are followed and add no edge; tests
 //! are left out. An edge counts between the first path components that differ: two files of a folder, or two folders.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
 
-use anyhow::{Context, Result};
 use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
-use crate::report::below;
+use crate::{prelude::*, report::below};
 
 /// Most re-exports followed for one name.
 const DEEP: usize = 20;
@@ -65,11 +63,10 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
             }
         }
     }
-    let line = |from: &str, (to, uses): (String, BTreeSet<String>)| {
-        let all: Vec<String> = uses.into_iter().collect();
-        format!("{from} -> {to} by {}", all.join(", "))
+    let lines = |(from, all): (String, BTreeMap<String, BTreeSet<String>>)| {
+        all.into_iter().map(move |(to, uses)| format!("{from} -> {to} by {}", uses.iter().join(", ")))
     };
-    Ok(circling(graph).into_iter().flat_map(|(from, all)| all.into_iter().map(move |to| line(&from, to))).collect())
+    Ok(circling(graph).into_iter().flat_map(lines).collect())
 }
 
 /// Modules of all files; the root is the first.
@@ -77,21 +74,21 @@ fn read(src: &Path) -> Result<Vec<Module>> {
     let mut modules = vec![Module::default()];
     for path in below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
         let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
-        let tokens = text.parse::<TokenStream>().map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
+        let tokens = text.parse::<TokenStream>().map_err(|e| anyhow!("{}: {e}", path.display()))?;
         let file = path.strip_prefix(src).unwrap_or(&path);
-        let mut names: Vec<_> =
-            file.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
+        let mut names = file.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect_vec();
         names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
         let id = names.iter().fold(0, |above, name| child(&mut modules, above, name));
         modules[id].file = file.into();
-        scan(&mut modules, id, &tokens.into_iter().collect::<Vec<_>>(), true);
+        scan(&mut modules, id, &tokens.into_iter().collect_vec(), true);
     }
     Ok(modules)
 }
 
 /// The child module with this name, added if missing.
 fn child(modules: &mut Vec<Module>, above: usize, name: &str) -> usize {
-    let (new, file) = (modules.len(), modules[above].file.clone());
+    let new = modules.len();
+    let file = modules[above].file.clone();
     let id = *modules[above].children.entry(name.into()).or_insert(new);
     if id == new {
         modules.push(Module { file, parent: above, ..Module::default() });
@@ -105,15 +102,14 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
         |k: usize| if let Some(TokenTree::Ident(name)) = tokens.get(k) { name.to_string() } else { String::new() };
     let mark = |k: usize, mark: char| matches!(tokens.get(k), Some(TokenTree::Punct(found)) if found.as_char() == mark);
     let within = |k: usize, kind: Delimiter| match tokens.get(k) {
-        Some(TokenTree::Group(group)) if group.delimiter() == kind => {
-            Some(group.stream().into_iter().collect::<Vec<_>>())
-        }
+        Some(TokenTree::Group(group)) if group.delimiter() == kind => Some(group.stream().into_iter().collect_vec()),
         _ => None,
     };
     let path_sign = |k: usize| mark(k, ':') && mark(k + 1, ':');
     let mut k = 0;
     while k < tokens.len() {
-        let (name, line) = (word(k), tokens[k].span().start().line);
+        let name = word(k);
+        let line = tokens[k].span().start().line;
         if mark(k, '#') && within(k + 1, Delimiter::Bracket).is_some_and(|attribute| of_tests(&attribute)) {
             // Skips to the end of the braces or to the semicolon.
             while k < tokens.len() && !mark(k, ';') && within(k, Delimiter::Brace).is_none() {
@@ -135,7 +131,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
             scan(modules, inside, &inner, true);
             k += 2;
         } else if let TokenTree::Group(group) = &tokens[k] {
-            scan(modules, id, &group.stream().into_iter().collect::<Vec<_>>(), false);
+            scan(modules, id, &group.stream().into_iter().collect_vec(), false);
         } else if !name.is_empty() {
             // Excludes `&'static Name` and `*const Name`.
             let defines = k == 0 || !mark(k - 1, '\'') && !mark(k - 1, '*');
@@ -171,10 +167,11 @@ fn of_tests(attribute: &[TokenTree]) -> bool {
 /// Line, name and path of each import in a `use`, below the path `above`.
 fn imported(tokens: &[TokenTree], above: &[String]) -> Vec<(usize, String, Vec<String>)> {
     let one = |tokens: &[TokenTree]| {
-        let (mut path, line) = (above.to_vec(), tokens[0].span().start().line);
+        let mut path = above.to_vec();
+        let line = tokens[0].span().start().line;
         for (k, token) in tokens.iter().enumerate() {
             match token {
-                TokenTree::Group(group) => return imported(&group.stream().into_iter().collect::<Vec<_>>(), &path),
+                TokenTree::Group(group) => return imported(&group.stream().into_iter().collect_vec(), &path),
                 TokenTree::Ident(name) if name == "as" => return vec![(line, tokens[k + 1].to_string(), path)],
                 TokenTree::Punct(mark) if mark.as_char() == '*' => return vec![(line, "*".into(), path)],
                 TokenTree::Ident(name) if path.is_empty() || name != "self" => path.push(name.to_string()),
@@ -211,7 +208,7 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     let module = &modules[id];
     let child = module.children.get(name).map(|child| Target::Module(*child));
     let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
-    let mut targets: Vec<Target> = child.into_iter().chain(own).collect();
+    let mut targets = child.into_iter().chain(own).collect_vec();
     for (known, path) in &module.imports {
         // Globs of other crates are not followed.
         let own = ["crate", "self", "super"].contains(&&*path[0]) || module.children.contains_key(&path[0]);
@@ -240,12 +237,13 @@ type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 /// Removes nodes without incoming or outgoing edges until none is left: cycles and paths between them remain.
 fn circling(mut graph: Graph) -> Graph {
     loop {
-        let before = graph.values().map(BTreeMap::len).sum::<usize>();
+        let before = graph.len();
         let led_to: BTreeSet<String> = graph.values().flat_map(BTreeMap::keys).cloned().collect();
-        graph.retain(|from, all| led_to.contains(from) && !all.is_empty());
+        graph.retain(|from, _| led_to.contains(from));
         let leads: BTreeSet<String> = graph.keys().cloned().collect();
         graph.values_mut().for_each(|all| all.retain(|to, _| leads.contains(to)));
-        if graph.values().map(BTreeMap::len).sum::<usize>() == before {
+        graph.retain(|_, all| !all.is_empty());
+        if graph.len() == before {
             return graph;
         }
     }

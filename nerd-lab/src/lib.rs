@@ -13,6 +13,7 @@ pub mod experiments;
 pub mod live;
 pub mod mujoco;
 pub mod page;
+mod panics;
 pub mod paper;
 mod prelude;
 pub mod report;

@@ -4,7 +4,8 @@ pub(crate) use std::collections::BTreeMap;
 pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::time::{Duration, Instant};
 
-pub(crate) use anyhow::{Context, Error, Result, bail};
+pub(crate) use anyhow::{Context, Error, Result, anyhow, bail};
+pub(crate) use itertools::Itertools;
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
@@ -14,7 +15,7 @@ pub(crate) use nerd_train::spec::SolverSpec;
 pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean, stats::percentile};
 pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-pub(crate) use crate::experiments::{About, Experiment, Measured};
+pub(crate) use crate::experiments::{About, Experiment, Measured, Timed, built_for};
 pub(crate) use crate::report::{
     Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write,
 };

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 pub mod bodies;
+mod figures;
 mod row;
 mod rows;
 mod trial;
@@ -51,12 +52,8 @@ impl Suite {
     /// methods).
     pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
         let done = AtomicUsize::new(0);
-        let measure = |row: &Row, method: &Method| {
-            let cell = row.cell(method);
-            progress(done.fetch_add(1, Ordering::Relaxed) + 1);
-            cell
-        };
-        let line = |row: &&'static Row| row.line(methods.par_iter().map(|m| measure(row, m)).collect());
-        self.rows.par_iter().map(line).collect()
+        let count = |_: &Cell| progress(done.fetch_add(1, Ordering::Relaxed) + 1);
+        let cells = |row: &Row| methods.par_iter().map(|method| row.cell(method)).inspect(count).collect();
+        self.rows.par_iter().map(|row| row.line(cells(row))).collect()
     }
 }

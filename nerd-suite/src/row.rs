@@ -2,12 +2,12 @@
 
 use std::fmt;
 
-use super::trial::{Error, Method, Trial};
+use super::trial::{Error, Method, Result, Trial};
 use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Measures the figure of a row; an error means that the scene could not be made or stepped.
-type Measure = fn(&Trial) -> Result<f64, Error>;
+type Measure = fn(&Trial) -> Result<f64>;
 
 /// A scene and the figure measured in it.
 #[derive(Clone, Copy, Debug)]
@@ -27,25 +27,20 @@ pub struct Row {
     measure: Measure,
 }
 
+/// A row, by name, figure, unit, limit, the limit's source, its reason and how it is measured.
+pub(super) const fn row(
+    name: &'static str,
+    figure: &'static str,
+    unit: &'static str,
+    limit: f64,
+    source: &'static str,
+    why: &'static str,
+    measure: Measure,
+) -> Row {
+    Row { name, figure, unit, source, why, limit, measure }
+}
+
 impl Row {
-    pub(super) const fn new(
-        name: &'static str,
-        figure: &'static str,
-        unit: &'static str,
-        limit: f64,
-        measure: Measure,
-    ) -> Self {
-        Self { name, figure, unit, source: "", why: "", limit, measure }
-    }
-
-    pub(super) const fn source(self, source: &'static str) -> Self {
-        Self { source, ..self }
-    }
-
-    pub(super) const fn why(self, why: &'static str) -> Self {
-        Self { why, ..self }
-    }
-
     /// The row's line of results, with a cell per method.
     pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
         let [row, figure, unit, source, why] =
@@ -87,12 +82,7 @@ pub enum Verdict {
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(match self {
-            Self::Pass => "pass",
-            Self::Degraded => "degraded",
-            Self::Fail => "fail",
-            Self::Unasked => "unasked",
-        })
+        f.pad(&format!("{self:?}").to_lowercase())
     }
 }
 
@@ -111,12 +101,14 @@ pub struct Cell {
 
 impl Cell {
     /// Compares a figure with a limit; `lost` is the solver's error, if it failed.
-    fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
+    fn new(measured: Result<f64>, lost: Option<String>, limit: f64) -> Self {
         // Stands for infinity: beyond all limits, but finite.
         const HUGE: f64 = 1e300;
-        let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
-        let lost =
-            lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
+        let lost = match &measured {
+            Err(error) => Some(error.to_string()),
+            Ok(figure) if figure.is_nan() => lost.or(Some("the figure is not a number".into())),
+            Ok(_) => lost,
+        };
         let figure = measured.ok().filter(|x| x.is_finite()).unwrap_or(HUGE);
         let verdict = match figure {
             _ if lost.is_some() => Verdict::Fail,
@@ -130,10 +122,8 @@ impl Cell {
 
 impl fmt::Display for Cell {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.figure {
-            Some(figure) => f.pad(&format!("{figure:<8.2e} {}", self.verdict)),
-            None => self.verdict.fmt(f),
-        }
+        let figure = self.figure.map_or_else(String::new, |figure| format!("{figure:<8.2e} "));
+        f.pad(&format!("{figure}{}", self.verdict))
     }
 }
 

@@ -22,6 +22,8 @@ pub enum Error {
     NoFiner,
 }
 
+pub(super) type Result<T, E = Error> = std::result::Result<T, E>;
+
 type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
 
 /// A named solver with settings.
@@ -54,6 +56,11 @@ impl Method {
     /// A new solver for a motion of a system.
     pub fn solver(&self, system: &Arc<System>) -> Box<dyn Solver> {
         (self.make)(system)
+    }
+
+    /// A new solver with four times the substeps.
+    pub(super) fn finer_solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>> {
+        self.finer.as_ref().map(|make| make(system)).ok_or(Error::NoFiner)
     }
 
     /// The method with a wrapper around its solver.
@@ -92,7 +99,7 @@ pub struct Trial<'a> {
 
 /// A motion: states after 0, 1, 2, ... frames.
 pub struct Motion {
-    system: Arc<System>,
+    pub system: Arc<System>,
     scene: Arc<Scene>,
     pub states: Vec<Vec<f64>>,
     /// Work (J) of the motors up to each state: a torque held constant over a frame does the work `tau dq`.
@@ -121,7 +128,9 @@ impl Motion {
     /// than 0.3 m, which means that it fell through. A correct motion in these rows penetrates at most 0.13 m (the tip
     /// of a pendulum on impact).
     pub fn above(&self, figure: f64) -> f64 {
-        let (robot, mut data, mut events) = (&self.system.robot, Data::new(&self.system.robot), Vec::new());
+        let robot = &self.system.robot;
+        let mut data = Data::new(&self.system.robot);
+        let mut events = Vec::new();
         let fell = self.states.iter().any(|state| {
             contacts(&self.system, &self.scene, state, &mut data, &mut events);
             robot.contact_points.iter().zip(&events).any(|(point, event)| point.radius - event.distance > 0.3)
@@ -147,27 +156,33 @@ pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
 /// Sets the torques of a frame from the state: `(state, torques)`.
 pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
+/// No torques.
+pub(super) fn limp(_: &[f64], _: &mut [f64]) {}
+
 impl<'a> Trial<'a> {
     pub fn new(method: &'a Method) -> Self {
         Self { method, lost: RefCell::new(None) }
     }
 
     /// A built-in robot, equal for all methods except for materials and substeps.
-    pub fn robot(&self, name: &str) -> Result<Arc<System>, Error> {
+    pub fn robot(&self, name: &str) -> Result<Arc<System>> {
         let system = System::named(name)?;
         let Some(kin) = self.method.kin else { return Ok(system) };
-        let (mut system, kin) = ((*system).clone(), System::named(&format!("{name}-{kin}"))?.spec.clone());
-        (system.spec.material, system.spec.scenes) = (kin.material, kin.scenes);
-        (system.spec.substeps, system.spec.refresh) = (kin.substeps, kin.refresh);
+        let mut system = (*system).clone();
+        let kin = System::named(&format!("{name}-{kin}"))?.spec.clone();
+        system.spec.material = kin.material;
+        system.spec.scenes = kin.scenes;
+        system.spec.substeps = kin.substeps;
+        system.spec.refresh = kin.refresh;
         Ok(Arc::new(system))
     }
 
     /// Rolls out `frames` frames without torques.
-    pub fn passive(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
-        self.driven(system, scene, start, frames, &mut |_, _| ())
+    pub fn passive(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion> {
+        self.driven(system, scene, start, frames, &mut limp)
     }
 
-    /// Rolls out under torques set by `drive(state, torques)`. Stores an error of the solver in `lost`.
+    /// Rolls out under torques set by `drive(state, torques)`.
     pub fn driven(
         &self,
         system: &Arc<System>,
@@ -175,32 +190,12 @@ impl<'a> Trial<'a> {
         start: &[f64],
         frames: usize,
         drive: &mut Drive,
-    ) -> Result<Motion, Error> {
-        self.under(&mut *(self.method.make)(system), system, scene, start, frames, drive)
+    ) -> Result<Motion> {
+        self.under(&mut *self.method.solver(system), system, scene, start, frames, drive)
     }
 
-    /// Rolls out without torques, by the method with four times the substeps.
-    pub fn finer(&self, system: &Arc<System>, scene: &str, start: &[f64], frames: usize) -> Result<Motion, Error> {
-        let finer = self.method.finer.as_ref().ok_or(Error::NoFiner)?;
-        self.under(&mut *finer(system), system, scene, start, frames, &mut |_, _| ())
-    }
-
-    /// Rolls out without torques, by a solver that has stepped ten frames from `other` and was then reset.
-    pub fn after_reset(
-        &self,
-        system: &Arc<System>,
-        scene: &str,
-        other: &[f64],
-        start: &[f64],
-        frames: usize,
-    ) -> Result<Motion, Error> {
-        let mut solver = (self.method.make)(system);
-        self.under(&mut *solver, system, scene, other, 10, &mut |_, _| ())?;
-        solver.reset(0);
-        self.under(&mut *solver, system, scene, start, frames, &mut |_, _| ())
-    }
-
-    fn under(
+    /// Rolls out by a solver of the method's, from a start. Stores an error of the solver in `lost`.
+    pub fn under(
         &self,
         solver: &mut dyn Solver,
         system: &Arc<System>,
@@ -208,12 +203,13 @@ impl<'a> Trial<'a> {
         start: &[f64],
         frames: usize,
         drive: &mut Drive,
-    ) -> Result<Motion, Error> {
+    ) -> Result<Motion> {
         let scene = system.scene(scene)?;
         let mut batch = Batch::new(system, &scene, 1);
         batch.reset(0, start);
         let mut torques = vec![0.0; system.robot.joint_count()];
-        let (mut states, mut work) = (vec![start.to_vec()], vec![0.0]);
+        let mut states = vec![start.to_vec()];
+        let mut work = vec![0.0];
         for _ in 0..frames {
             drive(batch.state(0), &mut torques);
             if let Err(error) = solver.step(&mut batch, &torques) {

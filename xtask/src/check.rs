@@ -4,9 +4,10 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
 use nerd_lab::circles;
 use nerd_train::shipped::root;
+
+use crate::prelude::*;
 
 /// Cargo commands, cheapest first. Clippy and the documentation share compiled dependencies. The CUDA engine
 /// type-checks without CUDA, and only crates with that feature are checked again. Packages outside the workspace are
@@ -58,5 +59,5 @@ pub fn run() -> Result<()> {
 }
 
 fn words(took: &[(&str, Duration)]) -> String {
-    took.iter().map(|(what, time)| format!("{what} {:.0} s", time.as_secs_f64())).collect::<Vec<_>>().join(", ")
+    took.iter().map(|(what, time)| format!("{what} {:.0} s", time.as_secs_f64())).join(", ")
 }

@@ -1,21 +1,20 @@
 //! `cargo xtask check-robots FOLDER`: reads other people's robots, see [`nerd_lab::survey`].
 
-use std::path::PathBuf;
-
-use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
 use nerd_lab::survey::{beside, find, read};
 
-#[derive(clap::Args, Clone, Debug)]
+use crate::prelude::*;
+
+#[derive(clap::Args)]
 pub struct CheckRobotsArgs {
     /// URDF and MJCF (.xml) files, or folders to search for them
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
     /// Python that has MuJoCo. Compares masses, contacts and accelerations with MuJoCo's, in place of the rollouts
-    #[arg(long, value_name = "PYTHON")]
+    #[arg(long)]
     pub mujoco: Option<PathBuf>,
     /// Folder to write the table into; without it the table is only printed
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
@@ -25,10 +24,7 @@ pub fn run(args: CheckRobotsArgs) -> Result<()> {
         files.extend(find(path).with_context(|| format!("cannot read {}", path.display()))?);
     }
     if files.is_empty() {
-        bail!(
-            "no .urdf or MJCF in {}",
-            args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", ")
-        );
+        bail!("no .urdf or MJCF in {}", args.paths.iter().map(|p| p.display().to_string()).join(", "));
     }
     let effort = files.len() as f64;
     let (name, (table, notes)) = match &args.mujoco {
@@ -39,7 +35,8 @@ pub fn run(args: CheckRobotsArgs) -> Result<()> {
     crate::out::tables(&tables);
     notes.iter().for_each(|note| tell!("{note}"));
     let Some(out) = args.out else { return Ok(()) };
-    let inputs = Inputs(vec![Input::files("URDFs", &files.into_iter().map(|found| found.path).collect::<Vec<_>>())?]);
-    let (provenance, data) = (Provenance::now(0), Default::default());
+    let inputs = Inputs(vec![Input::files("URDFs", &files.into_iter().map(|found| found.path).collect_vec())?]);
+    let provenance = Provenance::now(0);
+    let data = Default::default();
     Artifact { provenance, inputs, effort, tables, data }.write(&out, name)
 }

@@ -5,6 +5,8 @@ use std::any::TypeId;
 use clap::{Arg, Command};
 use nerd_train::shipped::root;
 
+use crate::prelude::*;
+
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "check-robots"]),
     ("Learn", &["train", "calibrate"]),
@@ -49,7 +51,7 @@ fn shared(verb: Command) -> Command {
 
 /// Names an option's value by its kind: a number, a folder, one of its words.
 fn named(arg: Arg) -> Arg {
-    let words: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect();
+    let words = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect_vec();
     let kind = arg.get_value_parser().type_id();
     let file = arg.get_value_names().is_some_and(|names| names[0] == "FILE");
     let own = VALUES.iter().find(|(_, options)| !file && options.contains(&arg.get_id().as_str()));
@@ -83,14 +85,8 @@ fn chapter(text: &mut String, verb: &Command, level: &str) {
     let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
     let usage = verb.clone().render_usage().to_string();
     *text += &format!("\n{level} {name}\n\n{about}.\n\n```sh\n{}\n```\n", usage.trim_start_matches("Usage:").trim());
-    let shown: Vec<&Arg> = verb.get_arguments().filter(|a| !a.is_hide_set() && a.get_id() != "help").collect();
-    let mut headings = Vec::new();
-    for heading in shown.iter().map(|arg| arg.get_help_heading()) {
-        if !headings.contains(&heading) {
-            headings.push(heading);
-        }
-    }
-    for heading in headings {
+    let shown = verb.get_arguments().filter(|a| !a.is_hide_set() && a.get_id() != "help").collect_vec();
+    for heading in shown.iter().map(|arg| arg.get_help_heading()).unique() {
         *text += &heading.map(|heading| format!("\n**{heading}**\n")).unwrap_or_default();
         *text += "\n| option | meaning | default |\n|---|---|---|\n";
         for arg in shown.iter().filter(|arg| arg.get_help_heading() == heading) {
@@ -109,8 +105,7 @@ fn valued(arg: &Arg) -> bool {
 
 /// An option as typed: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
-    let names =
-        arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
+    let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).join(" ");
     match arg.get_long() {
         Some(long) if valued(arg) => format!("--{long} {names}"),
         Some(long) => format!("--{long}"),
@@ -125,9 +120,9 @@ fn meaning(arg: &Arg) -> (String, String) {
     let (help, mut default) =
         said.map_or((help.as_str(), String::new()), |(help, default)| (help, default.to_string()));
     if valued(arg) && !arg.get_default_values().is_empty() {
-        default = arg.get_default_values().iter().map(|value| value.to_string_lossy()).collect::<Vec<_>>().join(" ");
+        default = arg.get_default_values().iter().map(|value| value.to_string_lossy()).join(" ");
     }
-    let words: Vec<String> = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect();
+    let words = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect_vec();
     let untold = valued(arg) && words.iter().any(|word| !help.contains(word));
     (if untold { format!("{help}: {}", words.join(", ")) } else { help.into() }, default)
 }

@@ -7,7 +7,7 @@ use nerd_train::run::RecordConfig;
 
 use crate::{options::TRANSITIONS, prelude::*};
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct DatasetArgs {
     /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long)]
@@ -18,7 +18,7 @@ pub struct DatasetArgs {
     #[arg(long, default_value_t = 1_000_000, value_parser = value::<usize>(Whole(TRANSITIONS)))]
     pub transitions: usize,
     /// Folder to write the shards into. The same command keeps existing shards and adds missing ones
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long)]
     pub out: PathBuf,
 }
 
@@ -28,7 +28,8 @@ pub fn run(args: DatasetArgs) -> Result<()> {
     let config = args.keys.settings()?;
     let started = std::time::Instant::now();
     let manifest = config.write(&system, args.transitions, &args.out)?;
-    let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
+    let n = manifest.trajectories * manifest.frames;
+    let seconds = started.elapsed().as_secs_f64();
     say!(
         "{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}",
         manifest.shards.len(),

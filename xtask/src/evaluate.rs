@@ -9,7 +9,7 @@ use crate::out::{self, conduct, tables};
 use crate::prelude::*;
 use crate::solvers::SolverArgs;
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct EvaluateArgs {
     /// Robots, comma-separated: names from `list robots`, or paths of a .urdf, MJCF (.xml) or cable .toml. Needed
     /// without --data, whose log names the robot
@@ -28,7 +28,7 @@ pub struct EvaluateArgs {
     pub name: Option<String>,
     /// Folder to write the result into; without --out and --name nothing is written [default: none; with --name
     /// results]
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
@@ -36,7 +36,7 @@ const REPLAY: &str = "--replay shows a model of one robot beside its truth: --so
 
 pub fn run(args: EvaluateArgs) -> Result<()> {
     let asked = args.keys.settings()?;
-    let robots: Vec<String> = args.robot.iter().flat_map(|robots| listed(robots)).collect();
+    let robots = args.robot.iter().flat_map(|robots| listed(robots)).collect_vec();
     let folder = args.out.or_else(|| args.name.as_ref().map(|_| results()));
     let name = args.name.unwrap_or_else(|| "passive".into());
     if robots.is_empty() {
@@ -61,7 +61,7 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         Some(folder) => drop(conduct(&passive, &folder)?),
         None => {
             let rows = passive.rows()?;
-            tables(&[Some(rows.table()), rows.verdicts()].into_iter().flatten().collect::<Vec<_>>());
+            tables(&[rows.table()].into_iter().chain(rows.verdicts()).collect_vec());
         }
     }
     replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))

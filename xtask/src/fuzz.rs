@@ -5,14 +5,8 @@ use nerd_lab::campaign::Campaign;
 
 use crate::{out::tables, prelude::*};
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct FuzzArgs {
-    #[command(flatten)]
-    pub keys: Keys<Campaign>,
-}
-
-pub fn run(args: FuzzArgs) -> Result<()> {
-    let campaign = args.keys.settings()?;
+pub fn run(keys: Keys<Campaign>) -> Result<()> {
+    let campaign = keys.settings()?;
     let found = campaign.run()?;
     tables(&[found.table()]);
     found.lines(campaign.seed).iter().for_each(|fault| tell!("{fault}"));

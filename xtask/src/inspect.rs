@@ -5,7 +5,7 @@ use nerd_sim::system::Source;
 
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct InspectArgs {
     /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long)]
@@ -15,8 +15,9 @@ pub struct InspectArgs {
 /// Prints the specification as TOML, with the assumptions made and whether the robot stands.
 pub fn run(args: InspectArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
-    let (links, joints, points) =
-        (system.robot.links.len(), system.robot.joint_count(), system.robot.contact_points.len());
+    let links = system.robot.links.len();
+    let joints = system.robot.joint_count();
+    let points = system.robot.contact_points.len();
     say!("# {}: {links} links, {joints} joints, {points} contact points, {:.3} kg", system.name, system.robot.mass());
     system.notes.iter().for_each(|note| say!("# {note}"));
     // A built-in robot's file exists and is complete; a cable's has the keys besides `[cable]`.

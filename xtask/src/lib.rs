@@ -6,7 +6,8 @@ use std::path::Path;
 
 use anyhow::Result;
 use clap::{Command, CommandFactory, FromArgMatches, Parser, error::ErrorKind};
-use nerd_lab::{experiments::calibrated::Calibration, experiments::chart::Chart};
+use nerd_lab::campaign::Campaign;
+use nerd_lab::experiments::{calibrated::Calibration, chart::Chart};
 use nerd_train::provenance::Provenance;
 
 #[macro_use(tell)]
@@ -61,7 +62,8 @@ enum Verb {
     /// Show where each method passes, degrades and fails
     Stability(stability::StabilityArgs),
     /// Measure solvers on new motions, or on robots with drawn parameters
-    Measure(measure::MeasureArgs),
+    #[command(subcommand)]
+    Measure(measure::What),
     /// Measure the main result: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
     /// Check which results still hold, remake them, and write their figures into the documents
@@ -69,7 +71,8 @@ enum Verb {
     /// Write one HTML page with all tables, charts, maps and replays
     Report(report::ReportArgs),
     /// Train, evaluate, show or export policies
-    Policy(policy::PolicyArgs),
+    #[command(subcommand)]
+    Policy(policy::PolicyVerb),
     /// Fit parameters of robot, contact and scene to measured trajectories, and test the fit on others
     Calibrate(measure::Conduct<Calibration>),
     /// Read URDF and MJCF files, roll each robot out, and report unsupported features
@@ -77,9 +80,10 @@ enum Verb {
     /// Serve a page with a robot in real time, to push it and to swap its solver
     Live(live::LiveArgs),
     /// Fuzz the readers of files: each changed file must be accepted or refused without a panic
-    Fuzz(fuzz::FuzzArgs),
+    Fuzz(options::Keys<Campaign>),
     /// List robots, scenes, tasks, models or rows of the stability suite
-    List(list::ListArgs),
+    #[command(subcommand)]
+    List(list::What),
     /// Check format, import cycles, lints, documentation, examples and tests
     Check,
 }

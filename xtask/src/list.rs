@@ -1,24 +1,15 @@
 //! `cargo xtask list robots|scenes|tasks|models|rows`: names for the command line.
 
-use anyhow::Result;
+use nerd_lab::describe::title;
 use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
-use nerd_sim::prelude::*;
 use nerd_suite::{Row, Suite};
 use nerd_tasks::{general, named, names};
-use nerd_train::shipped::{folders, from_root, root};
+use nerd_train::{shipped, spec::SolverSpec};
 
-use crate::out;
-use nerd_lab::describe::title;
-use nerd_train::spec::SolverSpec;
+use crate::{out, prelude::*};
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct ListArgs {
-    #[command(subcommand)]
-    pub what: What,
-}
-
-#[derive(clap::Subcommand, Clone, Debug)]
+#[derive(clap::Subcommand)]
 pub enum What {
     /// List the built-in robots; the path of a .urdf, MJCF (.xml) or cable .toml names any other
     Robots,
@@ -37,8 +28,8 @@ pub enum What {
     Rows,
 }
 
-pub fn run(args: ListArgs) -> Result<()> {
-    out::table(&match args.what {
+pub fn run(what: What) -> Result<()> {
+    out::table(&match what {
         What::Robots => robots()?,
         What::Scenes { robot } => scenes(robot.as_deref())?,
         What::Tasks => tasks()?,
@@ -49,35 +40,35 @@ pub fn run(args: ListArgs) -> Result<()> {
 }
 
 fn robots() -> Result<Table> {
-    let header = ["robot", "base", "joints", "state", "contact points", "frame (ms)", "data from"];
-    let mut rows = Vec::new();
-    for name in System::built_in().into_iter().chain(System::families()).chain(System::cables()) {
+    let mut table =
+        Table::new("robots", ["robot", "base", "joints", "state", "contact points", "frame (ms)", "data from"]);
+    for name in known() {
         let system = System::named(name)?;
         let (robot, spec) = (&system.robot, &system.spec);
         let base = if robot.floating() { "free" } else { "fixed" };
         let random = if spec.random_plane.is_some() { "random planes" } else { "free" };
-        let data = spec.data_scene.as_deref().unwrap_or(random);
         let numbers = [robot.joint_count(), robot.state_dim(), robot.contact_points.len()].map(|n| n.to_string());
         let frame = format!("{:.2}", 1000.0 * system.frame_time);
-        rows.push([&[name.into(), base.into()], &numbers[..], &[frame, data.into()]].concat());
+        let data = spec.data_scene.as_deref().unwrap_or(random);
+        table.rows.push([&[name.into(), base.into()], &numbers[..], &[frame, data.into()]].concat());
     }
-    Ok(Table::new("robots", &header).with(rows))
+    Ok(table)
+}
+
+fn known<'a>() -> Vec<&'a str> {
+    [System::built_in(), System::families(), System::cables()].concat()
 }
 
 fn scenes(robot: Option<&str>) -> Result<Table> {
-    let robots = match robot {
-        Some(robot) => vec![robot],
-        None => [System::built_in(), System::families(), System::cables()].concat(),
-    };
-    let mut rows = Vec::new();
-    for name in robots {
+    let mut table = Table::new("scenes", ["robot", "scene", "ground", "friction"]);
+    for name in robot.map_or_else(known, |robot| vec![robot]) {
         let system = System::named(name)?;
         for scene in system.all_scenes() {
             let (ground, friction) = ground(&system.scene(scene)?);
-            rows.push(vec![system.name.clone(), scene.into(), ground, friction]);
+            table.rows.push(vec![system.name.clone(), scene.into(), ground, friction]);
         }
     }
-    Ok(Table::new("scenes", &["robot", "scene", "ground", "friction"]).with(rows))
+    Ok(table)
 }
 
 /// The colliders of a scene in words, and the friction coefficient of the first.
@@ -95,41 +86,32 @@ fn ground(scene: &Arc<Scene>) -> (String, String) {
 }
 
 fn tasks() -> Result<Table> {
-    let mut rows = Vec::new();
+    let mut table = Table::new("tasks", ["task", "robot", "scene", "observation", "action", "steps", "frames a step"]);
     for name in names() {
         let task = named(name)?;
         let numbers = [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()]
             .map(|n| n.to_string());
-        rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
+        table.rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
-    // The sizes of a task for any robot depend on the robot, so the table has `-` for them.
-    rows.extend(
-        general()
-            .into_iter()
-            .map(|name| [&[name, "any (--robot)"], &["-"; 5][..]].concat().into_iter().map(String::from).collect()),
-    );
-    Ok(Table::new("tasks", &["task", "robot", "scene", "observation", "action", "steps", "frames a step"]).with(rows))
+    // The sizes of a task for any robot depend on the robot.
+    let row = |name| [name, "any (--robot)", "-", "-", "-", "-", "-"].map(String::from).into();
+    table.rows.extend(general().into_iter().map(row));
+    Ok(table)
 }
 
 fn models() -> Result<Table> {
-    let mut rows = Vec::new();
-    for folder in folders(&root().join("models"), "")? {
+    let mut table = Table::new("models", ["model", "robot", "truth", "network", "transitions", "updates"]);
+    for folder in shipped::folders(&shipped::models(), "")? {
         let Ok(model) = ModelConfig::read(&folder) else { continue };
-        let numbers = [model.transitions as u64, model.updates].map(|n| n.to_string());
-        rows.push(
-            [
-                &[from_root(&folder), model.robot.clone(), model.truth.clone(), title(&SolverSpec::neural(&folder))?],
-                &numbers[..],
-            ]
-            .concat(),
-        );
+        let network = title(&SolverSpec::neural(&folder))?;
+        let [transitions, updates] = [model.transitions as u64, model.updates].map(|n| n.to_string());
+        table.rows.push(vec![shipped::from_root(&folder), model.robot, model.truth, network, transitions, updates]);
     }
-    Ok(Table::new("models", &["model", "robot", "truth", "network", "transitions", "updates"]).with(rows))
+    Ok(table)
 }
 
 fn rows() -> Table {
     let suite = Suite::new();
-    let row =
-        |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from).into();
+    let row = |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from);
     Table::new("rows", &["row", "figure", "unit", "limit", "source", "why"]).with(suite.rows().iter().map(row))
 }

@@ -9,7 +9,7 @@ use crate::prelude::*;
 /// Valid ports; 0 is any free one.
 const PORTS: std::ops::RangeInclusive<u64> = 0..=65535;
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct LiveArgs {
     /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
     #[arg(long, required_unless_present = "policy")]
@@ -18,10 +18,10 @@ pub struct LiveArgs {
     #[arg(long)]
     pub scene: Option<String>,
     /// Folder of a policy that acts in its own task, in place of --robot and --scene
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["robot", "scene"])]
+    #[arg(long, conflicts_with_all = ["robot", "scene"])]
     pub policy: Option<PathBuf>,
     /// Folders of models to choose from, comma-separated, in addition to `models/ROBOT`
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long)]
     pub model: Vec<String>,
     /// TCP port on 127.0.0.1; 0 takes any free port [default: 0]
     #[arg(long, default_value = "0", hide_default_value = true, value_parser = value::<usize>(Whole(PORTS)))]
@@ -29,7 +29,7 @@ pub struct LiveArgs {
 }
 
 pub fn run(args: LiveArgs) -> Result<()> {
-    let models: Vec<PathBuf> = args.model.iter().flat_map(|models| listed(models)).map(PathBuf::from).collect();
+    let models = args.model.iter().flat_map(|models| listed(models)).map(PathBuf::from).collect_vec();
     let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &models)?)?;
     for folder in models {
         SolverSpec::neural(folder).solver(&world.system, 1)?;

@@ -6,8 +6,8 @@ use nerd_train::settings::Settings;
 use crate::out::{conduct, tables};
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static> {
+#[derive(clap::Args)]
+pub struct Conduct<T: Settings> {
     #[command(flatten)]
     pub keys: Keys<T>,
     /// Folder to write the result into [default: results]
@@ -15,7 +15,7 @@ pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static
     pub out: Option<PathBuf>,
 }
 
-impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T> {
+impl<T: Settings + Experiment> Conduct<T> {
     /// Measures into the folder and prints the tables.
     pub fn run(self) -> Result<()> {
         conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results)).map(drop)
@@ -31,13 +31,7 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T
     }
 }
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct MeasureArgs {
-    #[command(subcommand)]
-    pub what: What,
-}
-
-#[derive(clap::Subcommand, Clone, Debug)]
+#[derive(clap::Subcommand)]
 pub enum What {
     /// Measure errors of solvers along new motions, drawn as for a data set
     Motions(Conduct<Motions>),
@@ -45,8 +39,8 @@ pub enum What {
     Family(Conduct<Family>),
 }
 
-pub fn run(args: MeasureArgs) -> Result<()> {
-    match args.what {
+pub fn run(what: What) -> Result<()> {
+    match what {
         What::Motions(args) => args.run(),
         What::Family(args) => args.run(),
     }

@@ -38,16 +38,12 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
             default.map(|value| format!(" [default: {}]", value.to_string().trim_matches('"'))).unwrap_or_default();
         let arg = Arg::new(name.clone()).long(name).help(format!("{}{default}", key.help())).value_name(key.wanted());
         let arg = if key.heading.is_empty() { arg } else { arg.help_heading(key.heading) };
-        let values = key.values.clone();
+        let arg = arg.value_parser(value::<Value>(key.values.clone()));
         match key.values {
             Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
-            Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<
-                Value,
-            >(
-                values
-            )),
-            Values::Texts | Values::Read(_) => arg.value_parser(value::<Value>(values)).action(ArgAction::Append),
-            _ => arg.value_parser(value::<Value>(values)),
+            Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true"),
+            Values::Texts | Values::Read(_) => arg.action(ArgAction::Append),
+            _ => arg,
         }
     };
     keys.into_iter().map(option).collect()
@@ -73,7 +69,6 @@ pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     keys.into_iter().filter_map(one).collect()
 }
 
-#[derive(Clone, Debug)]
 pub struct Keys<T> {
     pub given: Given,
     of: PhantomData<T>,

@@ -2,7 +2,8 @@
 
 pub(crate) use std::path::PathBuf;
 
-pub(crate) use anyhow::{Result, bail};
+pub(crate) use anyhow::{Context, Result, anyhow, bail};
+pub(crate) use itertools::Itertools;
 pub(crate) use nerd_lab::error::unused;
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::{device::Device, shipped::results};

@@ -1,5 +1,7 @@
 //! Error output: one line; exit code 2 for a command line that cannot be read, 1 for any other failure.
 
+use itertools::Itertools;
+
 /// Prints the error; returns the exit code.
 pub fn end(words: &str, code: u8) -> u8 {
     tell!("error: {words}");
@@ -9,11 +11,11 @@ pub fn end(words: &str, code: u8) -> u8 {
 /// clap's message without its usage.
 pub fn usage(error: &clap::Error) -> String {
     let text = error.to_string();
-    let words = text
+    let mut words = text
         .lines()
         .take_while(|l| !l.starts_with("Usage:") && !l.starts_with("For more"))
         .flat_map(str::split_whitespace);
-    words.collect::<Vec<_>>().join(" ").trim_start_matches("error: ").into()
+    words.join(" ").trim_start_matches("error: ").into()
 }
 
 /// An error with its causes, unless it already names them. The middle of a long text, such as a quoted file, is
@@ -29,6 +31,7 @@ pub fn failure(error: &anyhow::Error) -> String {
     if n <= MOST {
         return words;
     }
-    let (start, end) = (words.chars().take(MOST - 500), words.chars().skip(n - 500));
+    let start = words.chars().take(MOST - 500);
+    let end = words.chars().skip(n - 500);
     start.chain(" [..] ".chars()).chain(end).collect()
 }

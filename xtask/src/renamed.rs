@@ -2,19 +2,19 @@
 
 use std::ffi::OsString;
 
+use itertools::Itertools;
+
 const TABLE: &str = include_str!("renamed.txt");
 
 /// Rows of the table: verb, old name, new name.
 fn rows() -> impl Iterator<Item = [&'static str; 3]> {
-    TABLE
-        .lines()
-        .filter(|line| !line.starts_with('#'))
-        .filter_map(|line| line.split(' ').collect::<Vec<_>>().try_into().ok())
+    TABLE.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').collect_vec().try_into().ok())
 }
 
 /// Replaces old names in a command line. Returns one line that names what was replaced, if anything was.
 pub fn replace(words: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
-    let (mut line, mut told) = (words, Vec::new());
+    let mut line = words;
+    let mut told = Vec::new();
     let mut verb = String::from(".");
     for at in verbs(&line) {
         let name = rows().find(|[of, old, _]| *of == verb && line[at] == *old);

@@ -5,7 +5,7 @@ use nerd_train::progress::bar;
 
 use crate::{options::FRAMES, out, prelude::*};
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct ReportArgs {
     /// HTML file to write
     #[arg(long, value_name = "FILE", default_value = "out/report.html")]

@@ -17,7 +17,7 @@ const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), (
 /// Default folder of results.
 const OWN: &str = "out/reproduce";
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct ReproduceArgs {
     /// Number of trajectories in each scene (the paper: 2048)
     #[arg(long, default_value_t = 256, value_parser = value::<usize>(Whole(STARTS)))]
@@ -33,14 +33,15 @@ pub struct ReproduceArgs {
     pub seed: u64,
     /// Folder to write the results into. `results` replaces the committed results, unless those measured more [default:
     /// out/reproduce]
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long)]
     pub out: Option<PathBuf>,
 }
 
 pub fn run(args: ReproduceArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
     let mut asked = Protocol::default();
-    (asked.trajectories, asked.seed) = (args.trajectories, args.seed);
+    asked.trajectories = args.trajectories;
+    asked.seed = args.seed;
     let cases = Case::shipped(&asked, args.device)?;
     let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
     let rows: Rows = conduct(&Passive::new("passive", &cases)?, &out)?.parse()?;
@@ -50,7 +51,10 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     for (robot, scene) in CHARTS.into_iter().filter(|_| !args.tables_only) {
         let models = cases.iter().filter(|c| c.robot == robot).filter_map(|c| c.solver.folder().map(PathBuf::from));
         let mut chart = Chart::default();
-        (chart.robot, chart.scene, chart.model, chart.seed) = (robot.into(), scene.into(), models.collect(), args.seed);
+        chart.robot = robot.into();
+        chart.scene = scene.into();
+        chart.model = models.collect();
+        chart.seed = args.seed;
         conduct(&chart, &out)?;
     }
     Ok(())

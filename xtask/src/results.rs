@@ -2,20 +2,21 @@
 
 use std::process::Command;
 
-use anyhow::{Context, Result, bail};
 use nerd_lab::experiments::passive::unworthy;
 use nerd_lab::report::manifest::{Manifest, Status};
 use nerd_lab::report::marks::{Marks, documents, unmarked};
 use nerd_lab::report::{Table, write};
-use nerd_train::shipped::{models, results, root};
+use nerd_train::shipped::{models, root};
 
-#[derive(clap::Args, Clone, Debug)]
+use crate::prelude::*;
+
+#[derive(clap::Args)]
 pub struct ResultsArgs {
     #[command(subcommand)]
     pub part: Option<Part>,
 }
 
-#[derive(clap::Subcommand, Clone, Debug)]
+#[derive(clap::Subcommand)]
 pub enum Part {
     /// End with an error unless every result holds, every document agrees, and every shipped model beats its baselines.
     /// The baselines, its base alone and a linear map, must err five times as much
@@ -45,24 +46,23 @@ pub fn run(args: ResultsArgs, reference: String) -> Result<()> {
 }
 
 fn list(manifest: &Manifest) -> Result<()> {
-    let mut rows = Vec::new();
-    for entry in &manifest.artefact {
+    let made = manifest.artefact.iter().map(|entry| {
         let status = entry.status(&results()).to_string();
-        rows.push(vec![entry.name.clone(), status, entry.about.clone(), format!("cargo xtask {}", entry.command)]);
-    }
-    rows.extend(
-        manifest
-            .strangers(&results())
-            .into_iter()
-            .map(|name| vec![name, "not in the manifest".into(), String::new(), String::new()]),
-    );
+        [entry.name.clone(), status, entry.about.clone(), format!("cargo xtask {}", entry.command)]
+    });
+    let strangers = manifest.strangers(&results()).into_iter();
+    let strangers = strangers.map(|name| [name, "not in the manifest".into(), String::new(), String::new()]);
+    let rows = made.chain(strangers);
     crate::out::table(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows));
     Ok(())
 }
 
 fn check(manifest: &Manifest, reference: &str) -> Result<()> {
-    let mut wrong: Vec<String> =
-        manifest.strangers(&results()).into_iter().map(|name| format!("{name}.json: not in the manifest")).collect();
+    let mut wrong = manifest
+        .strangers(&results())
+        .into_iter()
+        .map(|name| format!("{name}.json: not in the manifest"))
+        .collect_vec();
     for entry in &manifest.artefact {
         let status = entry.status(&results());
         if !status.holds() {
@@ -71,21 +71,18 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
     }
     wrong.extend(unworthy(manifest, &results(), &models())?);
     wrong.extend(fill(reference, false)?);
-    match wrong.is_empty() {
-        true => {
-            say!(
-                "{} results hold, the models are worth their networks, and the documents say so",
-                manifest.artefact.len()
-            );
-            Ok(())
-        }
-        false => bail!("{}", wrong.join("; ")),
+    if !wrong.is_empty() {
+        bail!("{}", wrong.join("; "));
     }
+    let n = manifest.artefact.len();
+    say!("{n} results hold, the models are worth their networks, and the documents say so");
+    Ok(())
 }
 
 /// Updates the documents if `write_them`. Returns the discrepancies, by document.
 fn fill(reference: &str, write_them: bool) -> Result<Vec<String>> {
-    let (mut marks, mut wrong) = (Marks::new(&results()), Vec::new());
+    let mut marks = Marks::new(&results());
+    let mut wrong = Vec::new();
     for path in documents(&root()) {
         let text = nerd_sim::files::read_text(&path).with_context(|| path.display().to_string())?;
         let commands = path.ends_with("docs/commands.md");

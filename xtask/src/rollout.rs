@@ -26,7 +26,7 @@ give other names. A joint whose name is taken (`step`, `tau1`) becomes q_NAME. T
 columns are ignored.
 FILE of --out has traj, step and the state, with all digits of an f64.";
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 #[command(after_help = TABLES)]
 pub struct RolloutArgs {
     /// Robot: a name from `list robots` (pendulum, ant-paper, ...), or the path of a .urdf, MJCF (.xml) or cable .toml
@@ -52,7 +52,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
     let spec = args.solver.choose(&system)?;
-    replaceable(&args.out, |table| written(table, &system)).map_err(|e| anyhow::anyhow!("--out: {e}"))?;
+    replaceable(&args.out, |table| written(table, &system)).map_err(|e| anyhow!("--out: {e}"))?;
     if !args.solver.neural() {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }
@@ -78,7 +78,8 @@ const ASKED: usize = 100_000;
 /// Frames to roll out; if the file has torques, it must have them for every frame.
 fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
-    let (steps, n) = (args.frames.unwrap_or_else(|| file.frames()), file.trajectories.len());
+    let steps = args.frames.unwrap_or_else(|| file.frames());
+    let n = file.trajectories.len();
     if args.frames.is_none() && n.saturating_mul(steps) > ASKED.max(file.rows()) {
         bail!(
             "{name}: {n} trajectories to step {steps}, but only {} rows; say with --frames if so many frames are wanted",

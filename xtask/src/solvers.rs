@@ -1,11 +1,11 @@
 //! Options that name and configure a solver.
 
-use nerd_train::spec::{Method, RapierSpec, SolverSpec};
+use nerd_train::spec::{Method, NeuralSpec, RapierSpec, SolverSpec};
 
 use crate::options::{MODELS, SUBSTEPS, TRUTHS};
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug, Default, PartialEq)]
+#[derive(clap::Args, Clone, Default, PartialEq)]
 pub struct SolverArgs {
     /// Solver: articulated, rapier or neural, with settings in brackets. Examples: 'articulated(substeps=4,
     /// method=euler)', 'rapier(steps=8, iterations=4, axes=world)', 'neural(models/ant, cuda)' [default: the robot's
@@ -34,6 +34,25 @@ pub fn spec(text: &str) -> Result<SolverSpec, String> {
     text.parse().map_err(|e: nerd_train::Error| e.to_string())
 }
 
+/// Takes the folder of --model, unless the text names one.
+pub fn choose_folder(own: &mut NeuralSpec, model: &Option<PathBuf>) -> Result<()> {
+    if own.folder.is_some() && model.is_some() {
+        bail!("--model: --solver names a folder, too; leave one out");
+    }
+    own.folder = model.clone().or(own.folder.take());
+    Ok(())
+}
+
+/// The device of --device, or of the text.
+pub fn device_of(asked: Option<Device>, own: Device) -> Result<Device> {
+    match asked {
+        Some(asked) if own != Device::Cpu && own != asked => {
+            bail!("--device {asked}: --solver says {own}; leave one out")
+        }
+        asked => Ok(asked.unwrap_or(own)),
+    }
+}
+
 impl SolverArgs {
     /// Whether the solver is a model.
     pub fn neural(&self) -> bool {
@@ -42,21 +61,22 @@ impl SolverArgs {
 
     /// The solver that the options name; refuses one that means nothing beside the others.
     pub fn choose(&self, system: &System) -> Result<SolverSpec> {
-        let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
+        let model = ("--model", self.model.is_some());
+        let device = ("--device", self.device.is_some());
         let substeps = ("--substeps", self.substeps.is_some());
         if let Some(truth) = self.truth {
-            truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow::anyhow!("--truth: {e}"))?;
+            truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--truth: {e}"))?;
         }
         let mut spec = self.solver.clone().unwrap_or_else(|| system.spec.truth.into());
         match &mut spec {
             SolverSpec::Articulated(own) => {
                 unused(&[model], "without --solver neural")?;
-                own.device = self.device(own.device)?;
+                own.device = device_of(self.device, own.device)?;
                 own.substeps = self.steps(own.substeps)?.or(own.substeps);
                 if own.method == Method::Paper {
                     Truth::Paper
                         .check(&system.robot, system.spec.self_collision)
-                        .map_err(|e| anyhow::anyhow!("method=paper: {e}"))?;
+                        .map_err(|e| anyhow!("method=paper: {e}"))?;
                 }
             }
             SolverSpec::Rapier(own) => {
@@ -66,15 +86,12 @@ impl SolverArgs {
             }
             SolverSpec::Neural(own) => {
                 unused(&[substeps], "with --solver neural; --truth says what its model must have learned")?;
-                own.device = self.device(own.device)?;
-                if own.folder.is_some() && self.model.is_some() {
-                    anyhow::bail!("--model: --solver names a folder, too; leave one out");
-                }
-                own.folder = self.model.clone().or(own.folder.take());
+                own.device = device_of(self.device, own.device)?;
+                choose_folder(own, &self.model)?;
                 if let (None, Some(truth)) = (&own.folder, self.truth) {
                     let folder = nerd_train::shipped::model(truth, &system.name);
                     if !folder.exists() {
-                        anyhow::bail!(
+                        bail!(
                             "no model of `{}` with this truth comes with the project ({}): name one with --model",
                             system.name,
                             folder.display()
@@ -96,19 +113,9 @@ impl SolverArgs {
     fn steps(&self, named: Option<usize>) -> Result<Option<usize>> {
         match (self.substeps, named) {
             (Some(asked), Some(own)) if asked != own => {
-                anyhow::bail!("--substeps {asked}: --solver says {own}; leave one out")
+                bail!("--substeps {asked}: --solver says {own}; leave one out")
             }
             (asked, _) => Ok(asked),
-        }
-    }
-
-    /// The device of --device, or of the text.
-    fn device(&self, own: Device) -> Result<Device> {
-        match self.device {
-            Some(asked) if own != Device::Cpu && own != asked => {
-                anyhow::bail!("--device {asked}: --solver says {own}; leave one out")
-            }
-            asked => Ok(asked.unwrap_or(own)),
         }
     }
 }

@@ -4,7 +4,7 @@ use nerd_train::run::{Recipe, RunConfig};
 
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct TrainArgs {
     /// TOML file of settings, with the options below as keys. Options on the command line override it
     #[arg(conflicts_with = "recipe")]

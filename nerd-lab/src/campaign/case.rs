@@ -65,11 +65,7 @@ impl Kind {
     /// Files of a case by name; the first file is the entry point.
     pub fn make(self, seed: u64, number: u64) -> Result<Vec<(String, Vec<u8>)>> {
         let dice = &mut stream(seed.wrapping_mul(31).wrapping_add(self as u64), number);
-        let toml = |dice: &mut Dice, text: &str| {
-            let mut text = text.as_bytes().to_vec();
-            Dictionary::toml().change(dice, &mut text);
-            text
-        };
+        let toml = |dice: &mut Dice, text: &str| edited(dice, Dictionary::toml(), text);
         let one = |name: &str, bytes: Vec<u8>| vec![(name.to_string(), bytes)];
         let read = |folder: &Path, name: &str| {
             std::fs::read(folder.join(name)).map_err(crate::error::file(&folder.join(name)))
@@ -82,11 +78,7 @@ impl Kind {
                 let k = dice.random_range(0..robots.len());
                 let (name, (spec, xml)) = robots[k];
                 match self {
-                    Self::Urdf if dice.random() => {
-                        let mut text = xml.as_bytes().to_vec();
-                        Dictionary::urdf().change(dice, &mut text);
-                        one(&format!("{name}.urdf"), text)
-                    }
+                    Self::Urdf if dice.random() => one(&format!("{name}.urdf"), edited(dice, Dictionary::urdf(), xml)),
                     Self::Urdf => one(&format!("{name}.urdf"), changed(dice, &[xml])?),
                     _ => vec![(format!("{name}.urdf"), xml.into()), (format!("{name}.toml"), toml(dice, spec))],
                 }
@@ -100,11 +92,7 @@ impl Kind {
                 (0..dice.random_range(1..4)).for_each(|_| byte(dice, &mut bytes));
                 vec![("log.toml".into(), LOG.into()), ("log.npz".into(), bytes)]
             }
-            Self::Csv => {
-                let mut text = CSV.as_bytes().to_vec();
-                Dictionary::csv().change(dice, &mut text);
-                one("states.csv", text)
-            }
+            Self::Csv => one("states.csv", edited(dice, Dictionary::csv(), CSV)),
             Self::Energy => energy::draw(dice)?,
             Self::Policy | Self::Model => {
                 let (folder, names): (_, &[&str]) = match self {
@@ -141,30 +129,32 @@ impl Kind {
             return Outcome::Fault(e.to_string());
         }
         let path = folder.join(&files[0].0);
-        let text = || nerd_sim::files::read_text(&path).map_err(Error::from);
-        let found: Result<()> = match self {
-            Self::Mjcf | Self::Urdf | Self::Robot => {
-                System::named(&path.display().to_string()).map_err(Error::from).and_then(moved)
+        let read = || -> Result<()> {
+            let text = || nerd_sim::files::read_text(&path);
+            match self {
+                Self::Mjcf | Self::Urdf | Self::Robot => moved(System::named(&path.display().to_string())?)?,
+                Self::Task => drop(FileTask::new("task.toml", &text()?, None)?),
+                Self::Settings => drop(PpoConfig::from_text(&text()?)?),
+                Self::Recipe => drop(Recipe::read(&path, &Given::new())?),
+                Self::Log | Self::Npz => drop(Log::read(&path, None)?),
+                Self::Csv => drop(States::read(&path, &*System::named("pendulum")?)?),
+                Self::Policy => drop(folder::load(folder)?),
+                Self::Model => {
+                    let system = System::named("pendulum")?;
+                    Model::load(folder, &system, None)?;
+                }
+                Self::Energy => {}
             }
-            Self::Task => text().and_then(|text| Ok(FileTask::new("task.toml", &text, None)?)).map(drop),
-            Self::Settings => text().and_then(|text| Ok(PpoConfig::from_text(&text)?)).map(drop),
-            Self::Recipe => Recipe::read(&path, &Given::new()).map_err(Error::from).map(drop),
-            Self::Log | Self::Npz => Log::read(&path, None).map_err(Error::from).map(drop),
-            Self::Csv => {
-                System::named("pendulum").map_err(Error::from).and_then(|s| Ok(States::read(&path, &s)?)).map(drop)
-            }
-            Self::Policy => folder::load(folder).map_err(Error::from).map(drop),
-            Self::Model => System::named("pendulum")
-                .map_err(Error::from)
-                .and_then(|s| Ok(Model::load(folder, &s, None)?))
-                .map(drop),
-            Self::Energy => match energy::judge(files, card) {
-                Ok(None) => Ok(()),
+            Ok(())
+        };
+        if self == Self::Energy {
+            match energy::judge(files, card) {
+                Ok(None) => return Outcome::Accepted,
                 Ok(Some(gain)) => return Outcome::Fault(gain),
                 Err(e) => return Outcome::Fault(format!("{e:#}")),
-            },
-        };
-        match found {
+            }
+        }
+        match read() {
             Ok(()) => Outcome::Accepted,
             Err(e) if e.to_string().trim().is_empty() => Outcome::Fault("a refusal without words".into()),
             Err(_) => Outcome::Refused,
@@ -172,10 +162,17 @@ impl Kind {
     }
 }
 
+/// A text with random edits from a dictionary.
+fn edited(dice: &mut Dice, words: Dictionary, text: &str) -> Vec<u8> {
+    let mut text = text.as_bytes().to_vec();
+    words.change(dice, &mut text);
+    text
+}
+
 /// One of `texts` (XML), mutated one to three times.
 fn changed(dice: &mut Dice, texts: &[&str]) -> Result<Vec<u8>> {
     let trees = texts.iter().map(|text| Element::read(text)).collect::<Result<Vec<_>>>()?;
-    let others: Vec<Element> = trees.iter().flat_map(Element::all).cloned().collect();
+    let others = trees.iter().flat_map(Element::all).cloned().collect_vec();
     let mut own = trees[dice.random_range(0..trees.len())].clone();
     (0..dice.random_range(1..4)).for_each(|_| own.change(dice, &others));
     let mut text = String::new();
@@ -188,8 +185,8 @@ fn moved(system: Arc<System>) -> Result<()> {
     let scene = system.scene(system.usual_scenes()[0])?;
     let mut batch = Batch::new(&system, &scene, 1);
     batch.reset(0, &system.default_state());
-    let (mut solver, torques) =
-        (Articulated::new(ArticulatedConfig::accurate(&system)), vec![0.0; system.robot.joint_count()]);
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+    let torques = vec![0.0; system.robot.joint_count()];
     for _ in 0..2 {
         solver.step(&mut batch, &torques)?;
         if batch.state(0).iter().any(|x| !x.is_finite()) {

@@ -20,15 +20,16 @@ for k, name in enumerate(sys.stdin.read().split()):
 
 /// Numbers of the cases that MuJoCo refuses, each with the reason.
 pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, String)>> {
-    let (mut found, mut at, bar) = (Vec::new(), 0, bar("compiled by MuJoCo", numbers.len() as u64));
+    let mut found = Vec::new();
+    let mut at = 0;
+    let bar = bar("compiled by MuJoCo", numbers.len() as u64);
     while at < numbers.len() {
         let some = &numbers[at..(at + TOGETHER).min(numbers.len())];
         let folder = tempfile::tempdir()?;
         let mut names = String::new();
         for number in some {
             let path = folder.path().join(format!("{number}.xml"));
-            let files = Kind::Mjcf.make(seed, *number)?;
-            std::fs::write(&path, &files[0].1)?;
+            std::fs::write(&path, &Kind::Mjcf.make(seed, *number)?[0].1)?;
             names += &format!("{}\n", path.display());
         }
         let list = folder.path().join("list");
@@ -37,7 +38,7 @@ pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, St
             Command::new(python).args(["-c", ASK]).stdin(std::fs::File::open(&list)?).stderr(Stdio::null()).output();
         let asked = asked.with_context(|| format!("--mujoco {}", python.display()))?;
         let answers = String::from_utf8_lossy(&asked.stdout);
-        let answers: Vec<&str> = answers.lines().collect();
+        let answers = answers.lines().collect_vec();
         for (number, answer) in some.iter().zip(&answers) {
             if let Some((_, why)) = answer.split_once(" no ") {
                 found.push((*number, format!("MuJoCo refuses it, and it was accepted: {why:.200}")));

@@ -44,7 +44,8 @@ struct Toss {
 /// Draws a robot's URDF, its TOML and a start.
 pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
     let flight = dice.random_bool(0.15);
-    let (links, toml) = (dice.random_range(0..6usize).saturating_sub(2), specification(dice, flight));
+    let links = dice.random_range(0..6usize).saturating_sub(2);
+    let toml = specification(dice, flight);
     let urdf = robot(dice, links + 1);
     let upto = |dice: &mut Dice, most: f64| most * dice.random_range(0.0..1.0f64).powi(2);
     let toss = (0..GROUNDS).map(|_| Toss {
@@ -62,11 +63,12 @@ pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
 
 /// A URDF of `count` links with random shapes, in a chain or all on the first link.
 fn robot(dice: &mut Dice, count: usize) -> String {
-    let (star, mut mass, mut text) = (dice.random_bool(0.4), dice.random_range(0.1..3.0f64), String::new());
+    let star = dice.random_bool(0.4);
+    let mut mass = dice.random_range(0.1..3.0f64);
+    let mut text = String::new();
     let lighter = dice.random_range(0.3..1.0);
     for k in 0..count {
-        let (shape, moments) = shape(dice, mass);
-        let [x, y, z] = moments;
+        let (shape, [x, y, z]) = shape(dice, mass);
         text += &format!(
             "<link name=\"l{k}\"><inertial><mass value=\"{mass}\"/><inertia ixx=\"{x}\" iyy=\"{y}\" izz=\"{z}\" ixy=\"0\" ixz=\"0\" iyz=\"0\"/>\
              </inertial><collision><geometry>{shape}</geometry></collision></link>"
@@ -78,13 +80,10 @@ fn robot(dice: &mut Dice, count: usize) -> String {
             let axis = ["1 0 0", "0 1 0", "0 0 1"][dice.random_range(0..3)];
             let (kind, limit) = match dice.random_range(0..3) {
                 0 => ("continuous", "<limit effort=\"5\" velocity=\"50\"/>".to_string()),
-                1 => (
-                    "revolute",
-                    format!(
-                        "<limit lower=\"-{0}\" upper=\"{0}\" effort=\"5\" velocity=\"50\"/>",
-                        dice.random_range(0.3..2.0)
-                    ),
-                ),
+                1 => {
+                    let end = dice.random_range(0.3..2.0);
+                    ("revolute", format!("<limit lower=\"-{end}\" upper=\"{end}\" effort=\"5\" velocity=\"50\"/>"))
+                }
                 _ => ("prismatic", "<limit lower=\"-0.1\" upper=\"0.1\" effort=\"20\" velocity=\"5\"/>".to_string()),
             };
             let loss = if dice.random() {
@@ -106,8 +105,10 @@ fn robot(dice: &mut Dice, count: usize) -> String {
 fn shape(dice: &mut Dice, mass: f64) -> (String, [f64; 3]) {
     let mut size = |least: f64, most: f64| dice.random_range(least..most);
     let [a, b, c] = [size(0.02, 0.2), size(0.02, 0.2), size(0.02, 0.3)];
-    let cylinder =
-        |r: f64, l: f64| [mass * (3.0 * r * r + l * l) / 12.0, mass * (3.0 * r * r + l * l) / 12.0, 0.5 * mass * r * r];
+    let cylinder = |r: f64, l: f64| {
+        let across = mass * (3.0 * r * r + l * l) / 12.0;
+        [across, across, 0.5 * mass * r * r]
+    };
     match size(0.0, 5.0) as usize {
         0 => (format!("<sphere radius=\"{a}\"/>"), [0.4 * mass * a * a; 3]),
         1 => (
@@ -131,7 +132,8 @@ fn specification(dice: &mut Dice, flight: bool) -> String {
     }
     if dice.random_bool(0.7) {
         let mut number = |least: f64, most: f64| 10f64.powf(dice.random_range(least..most));
-        let (stiffness, damping) = (number(3.0, 5.0), number(0.0, 3.0));
+        let stiffness = number(3.0, 5.0);
+        let damping = number(0.0, 3.0);
         let (damping, friction) =
             if dice.random_bool(0.3) { (0.0, 0.0) } else { (damping, dice.random_range(0.0..1.2)) };
         text += &format!(
@@ -191,13 +193,12 @@ pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<St
 
 /// The solver; on a GPU in f32.
 fn solver(config: ArticulatedConfig, card: bool) -> Result<Box<dyn Solver>> {
-    if !card {
-        return Ok(Box::new(Articulated::new(config)));
-    }
+    built_for(card)?;
     #[cfg(feature = "cuda")]
-    return Ok(Box::new(CudaArticulated::new(config, Real::F32)));
-    #[cfg(not(feature = "cuda"))]
-    bail!("--device cuda needs a build with `--features cuda`");
+    if card {
+        return Ok(Box::new(CudaArticulated::new(config, Real::F32)));
+    }
+    Ok(Box::new(Articulated::new(config)))
 }
 
 /// The largest gain of energy, relative to the initial energy plus the absolute work.
@@ -225,7 +226,10 @@ fn gain(
         let start = &start.toss[env % grounds];
         let state = batch.state_mut(env);
         let mut drawn = |size: f64| Vector3::from_fn(|_, _| dice.random_range(-1.0..1.0f64)).normalize() * size;
-        let (turn, w, v, place) = (drawn(3.0), drawn(start.spin), drawn(start.speed), Vector3::z() * start.height);
+        let turn = drawn(3.0);
+        let w = drawn(start.spin);
+        let v = drawn(start.speed);
+        let place = Vector3::z() * start.height;
         state[..3].copy_from_slice(place.as_slice());
         let half = 0.5 * turn.norm();
         state[3..6].copy_from_slice((turn * (half.sin() / turn.norm())).as_slice());
@@ -252,7 +256,8 @@ fn gain(
         let before = batch.states.clone();
         solver.step(&mut batch, &torques)?;
         for (env, ((work, effort), (first, size))) in work.iter_mut().zip(&begun).enumerate() {
-            let (now, then) = (batch.state(env), &before[env * system.robot.state_dim()..]);
+            let now = batch.state(env);
+            let then = &before[env * system.robot.state_dim()..];
             for (k, joint) in system.robot.joints().enumerate() {
                 let mut way = now[7 + k] - then[7 + k];
                 if joint.wraps() {
@@ -261,7 +266,8 @@ fn gain(
                     way = told + wrap(way - told);
                 }
                 let done = torques[env * joints + k] * way;
-                (*work, *effort) = (*work + done, *effort + done.abs());
+                *work = *work + done;
+                *effort = *effort + done.abs();
             }
             let share = (energy(batch.state(env), env).0 - first - *work) / (size + *effort);
             if share > worst.share || share.is_nan() {

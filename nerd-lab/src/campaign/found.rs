@@ -4,7 +4,7 @@ use super::Kind;
 use crate::prelude::*;
 
 /// Counts by kind (refused, accepted, faults), and the faults: kind, case number, message.
-#[derive(Clone, Debug, Default)]
+#[derive(Default)]
 pub struct Found {
     pub counts: BTreeMap<Kind, [u64; 3]>,
     pub faults: Vec<(Kind, u64, String)>,
@@ -18,7 +18,7 @@ impl Found {
         for fault in &self.faults {
             sorts.entry((fault.0, sort(&fault.2))).or_default().push(fault);
         }
-        let mut sorts: Vec<_> = sorts.into_values().collect();
+        let mut sorts = sorts.into_values().collect_vec();
         sorts.sort_by_key(|faults| std::cmp::Reverse(faults.len()));
         let line = |faults: Vec<&(Kind, u64, String)>| {
             let (kind, number, what) = faults[0];
@@ -31,7 +31,7 @@ impl Found {
     pub fn table(&self) -> Table {
         let row = |(kind, [refused, accepted, faults]): (&Kind, &[u64; 3])| {
             let counts = [refused + accepted + faults, *refused, *accepted, *faults];
-            std::iter::once(kind.name()).chain(counts.map(|n| n.to_string())).collect()
+            std::iter::once(kind.name()).chain(counts.map(|n| n.to_string()))
         };
         Table::new("campaign", &["input", "cases", "refused", "accepted", "faults"]).with(self.counts.iter().map(row))
     }
@@ -39,10 +39,6 @@ impl Found {
 
 /// A fault's message without names and numbers, as the key of its group.
 fn sort(what: &str) -> String {
-    let words = what.split(['\'', '`']).step_by(2).collect::<Vec<_>>().join("_");
-    words
-        .split(|c: char| c.is_ascii_digit() || ".-".contains(c))
-        .filter(|part| !part.is_empty())
-        .collect::<Vec<_>>()
-        .join("#")
+    let words = what.split(['\'', '`']).step_by(2).join("_");
+    words.split(|c: char| c.is_ascii_digit() || ".-".contains(c)).filter(|part| !part.is_empty()).join("#")
 }

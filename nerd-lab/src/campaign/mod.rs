@@ -9,13 +9,13 @@ mod found;
 mod text;
 mod tree;
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
 use strum::VariantArray;
 
+use crate::panics::{caught, silent};
 use crate::prelude::*;
 
 pub use case::{Kind, Outcome};
@@ -67,10 +67,7 @@ impl Campaign {
         let known = Kind::VARIANTS;
         let kind = |name: &String| {
             known.iter().find(|kind| kind.name() == *name).copied().with_context(|| {
-                format!(
-                    "--kinds {name}: choose from {}",
-                    known.iter().map(|kind| kind.name()).collect::<Vec<_>>().join(", ")
-                )
+                format!("--kinds {name}: choose from {}", known.iter().map(|kind| kind.name()).join(", "))
             })
         };
         let kinds =
@@ -86,20 +83,20 @@ impl Campaign {
         let (give, tried) = channel();
         let mut workers = 0;
         let mut start = || -> Result<()> {
-            let (desk, give, own) = (desk.clone(), give.clone(), workers);
+            let desk = desk.clone();
+            let give = give.clone();
+            let own = workers;
             workers += 1;
             std::thread::Builder::new()
                 .spawn(move || work(&desk, own, &give))
                 .context("no thread for the campaign")
                 .map(drop)
         };
-        // Panics are caught and counted; the hook would print each one to standard error.
-        let hook = std::panic::take_hook();
-        std::panic::set_hook(Box::new(|_| ()));
         let begun = std::thread::available_parallelism().map_or(1, usize::from).min(self.cases as usize);
-        let found = (0..begun).try_for_each(|_| start()).and_then(|()| self.gather(&desk, &tried, &mut start));
-        std::panic::set_hook(hook);
-        let (mut found, accepted) = found?;
+        let (mut found, accepted) = silent(|| {
+            (0..begun).try_for_each(|_| start())?;
+            self.gather(&desk, &tried, &mut start)
+        })?;
         if let Some(python) = &self.mujoco {
             let refused = compiler::refused(python, self.seed, &accepted)?;
             let counts = found.counts.entry(Kind::Mjcf).or_default();
@@ -122,8 +119,11 @@ impl Campaign {
         tried: &std::sync::mpsc::Receiver<Tried>,
         start: &mut dyn FnMut() -> Result<()>,
     ) -> Result<(Found, Vec<u64>)> {
-        let (mut found, mut accepted, bar) = (Found::default(), Vec::new(), bar("cases", self.cases));
-        let (mut done, mut late) = (0, std::collections::BTreeSet::new());
+        let mut found = Found::default();
+        let mut accepted = Vec::new();
+        let bar = bar("cases", self.cases);
+        let mut done = 0;
+        let mut late = std::collections::BTreeSet::new();
         while done < self.cases {
             match tried.recv_timeout(Duration::from_millis(100)) {
                 Ok((kind, number, _)) if late.contains(&(kind, number)) => continue,
@@ -147,8 +147,8 @@ impl Campaign {
             }
             let mut busy = desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
             let limit = if desk.card { CARD_LIMIT } else { LIMIT };
-            let over: Vec<_> =
-                busy.extract_if(.., |_, (_, since)| since.elapsed() > limit).map(|(_, (case, _))| case).collect();
+            let over =
+                busy.extract_if(.., |_, (_, since)| since.elapsed() > limit).map(|(_, (case, _))| case).collect_vec();
             drop(busy);
             for (kind, number) in over {
                 late.insert((kind, number));
@@ -171,20 +171,12 @@ fn work(desk: &Desk, own: usize, give: &Sender<Tried>) {
         let Some(&(kind, number)) = desk.asked.get(k) else { return };
         let busy = || desk.busy.lock().unwrap_or_else(PoisonError::into_inner);
         busy().insert(own, ((kind, number), Instant::now()));
-        let tried = catch_unwind(AssertUnwindSafe(|| {
-            kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files, desk.card))
-        }));
-        let outcome = match tried {
-            Ok(Ok(outcome)) => outcome,
-            Ok(Err(e)) => Outcome::Fault(format!("no case: {e:#}")),
-            Err(panic) => {
-                let said = panic
-                    .downcast_ref::<String>()
-                    .cloned()
-                    .or_else(|| panic.downcast_ref::<&str>().map(ToString::to_string));
-                Outcome::Fault(format!("a panic: {}", said.unwrap_or_default()))
-            }
-        };
+        let outcome =
+            match caught(|| kind.make(desk.seed, number).map(|files| kind.judge(folder.path(), &files, desk.card))) {
+                Ok(Ok(outcome)) => outcome,
+                Ok(Err(e)) => Outcome::Fault(format!("no case: {e:#}")),
+                Err(said) => Outcome::Fault(format!("a panic: {said}")),
+            };
         // An abandoned worker ends.
         if busy().remove(&own).is_none() || give.send((kind, number, outcome)).is_err() {
             return;

@@ -101,7 +101,8 @@ impl Dictionary {
 
 /// Changes, inserts or removes a byte, or truncates.
 pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
-    let (at, new) = (dice.random_range(0..=bytes.len()), dice.random());
+    let at = dice.random_range(0..=bytes.len());
+    let new = dice.random();
     match (dice.random_range(0..16), bytes.get_mut(at)) {
         (0, _) => bytes.truncate(at),
         (1..4, Some(_)) => drop(bytes.remove(at)),

@@ -25,7 +25,7 @@ const ODD: [&str; 14] = [
     "2147483648",
 ];
 
-#[derive(Clone, Debug, Default)]
+#[derive(Clone)]
 pub struct Element {
     pub name: String,
     pub attributes: Vec<(String, String)>,
@@ -65,7 +65,7 @@ impl Element {
     fn at(&mut self, mut k: usize) -> &mut Self {
         let Some(next) = k.checked_sub(1) else { return self };
         k = next;
-        let sizes: Vec<usize> = self.children.iter().map(Self::count).collect();
+        let sizes = self.children.iter().map(Self::count).collect_vec();
         for (child, size) in sizes.into_iter().enumerate() {
             if k < size {
                 return self.children[child].at(k);
@@ -158,7 +158,7 @@ impl Element {
 /// An edited attribute value: one word changed, or all of it.
 fn value(dice: &mut Dice, text: &str) -> String {
     let odd = ODD[dice.random_range(0..ODD.len())];
-    let mut words: Vec<String> = text.split_whitespace().map(String::from).collect();
+    let mut words = text.split_whitespace().map(String::from).collect_vec();
     match dice.random_range(0..10) {
         0 => "1 ".repeat(3000),
         1 => text.repeat(2),

@@ -12,7 +12,7 @@ pub fn arithmetics(spec: &SolverSpec) -> &'static [(Precision, &'static str)] {
     if spec.folder().is_some() { all } else { &all[..1] }
 }
 
-/// Errors of a solver, microseconds of a frame of one environment, and the GPU memory of this process (MiB). `n`
+/// Errors of a solver, time, and the GPU memory of this process. `n`
 /// environments take the states of `begun` in turn. They roll for `frames` frames, without torques or towards the first
 /// targets of `held`. Environments that the solver gives up stay in place.
 pub fn timed(
@@ -22,10 +22,11 @@ pub fn timed(
     [n, frames]: [usize; 2],
     held: Option<&Held>,
     compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
-) -> Result<(PassiveReport, f64, Option<f64>)> {
+) -> Result<Timed> {
     let mut solver = resident(spec, &begun.system, Real::F32, precision)?;
     let report = compare(&mut *solver)?;
-    let (mut many, d) = (Batch::new(&begun.system, &begun.scenes[0], n), begun.system.robot.state_dim());
+    let mut many = Batch::new(&begun.system, &begun.scenes[0], n);
+    let d = begun.system.robot.state_dim();
     many.states
         .chunks_exact_mut(d)
         .zip(begun.states.chunks_exact(d).cycle())
@@ -37,5 +38,6 @@ pub fn timed(
     roll(1)?;
     let started = Instant::now();
     roll(frames)?;
-    Ok((report, 1e6 * started.elapsed().as_secs_f64() / (n * frames) as f64, card_memory(std::process::id())))
+    let microseconds = 1e6 * started.elapsed().as_secs_f64() / (n * frames) as f64;
+    Ok(Timed { report, microseconds, memory: card_memory(std::process::id()) })
 }

@@ -2,9 +2,10 @@
 //! them from these files alone. The same episodes run in the truth.
 
 use nerd_tasks::named;
-use nerd_train::{onnx, ppo::Policy, ppo::folder, shipped::from_root};
+use nerd_train::ppo::{Game, Policy, folder};
+use nerd_train::{onnx, shipped::from_root};
 
-use super::games::{Reward, depend, games};
+use super::games::{Reward, depend, fallen, games, still};
 use super::policies::{Policies, short};
 use crate::mujoco::player::{self, Model, Played};
 use crate::{mujoco::Settings, prelude::*};
@@ -30,7 +31,7 @@ const FILE: &str = "MuJoCo, file";
 const OURS: &str = "MuJoCo, ours";
 
 /// Episodes of a policy in one simulator, and of the zero-action policy.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Serialize)]
 pub struct Row {
     pub task: String,
     pub policy: String,
@@ -46,7 +47,7 @@ pub struct Row {
     pub there: Option<There>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Serialize)]
 pub struct There {
     pub versions: String,
     pub apart: player::Gaps,
@@ -68,24 +69,23 @@ impl Carried {
     /// Rows of a policy. Empty, with a note, if the contract does not suffice to play it in MuJoCo.
     fn rows(&self, path: &Path) -> Result<Vec<Row>> {
         let (folder::PolicyConfig { task, .. }, policy) = folder::load(path)?;
-        let (own, temporary) = (named(&task)?, tempfile::tempdir()?);
-        let still = Policy { flat: vec![0.0; policy.flat.len()], ..policy.clone() };
+        let name = from_root(path);
+        let own = named(&task)?;
+        let temporary = tempfile::tempdir()?;
+        let still = still(&policy);
         let export = |policy: Policy, name: &str| -> Result<Exported> {
             let onnx = temporary.path().join(name);
             Ok(Exported { contract: onnx::export(&policy, &*own, &onnx)?, onnx, policy })
         };
         let both = [export(policy, "policy.onnx")?, export(still, "still.onnx")?];
         if let (Some(unknown), true) = (both[0].contract.unknown().first(), self.policy.is_empty()) {
-            tell!("{} is left out: {unknown}", from_root(path));
+            tell!("{name} is left out: {unknown}");
             return Ok(Vec::new());
         }
         let file = mjcf_of(own.robot());
         if file.is_none() && self.settings != "ours" {
-            let said = format!(
-                "{}: `{}` is no MJCF, which would have contact and solver settings of its own",
-                from_root(path),
-                own.robot()
-            );
+            let robot = own.robot();
+            let said = format!("{name}: `{robot}` is no MJCF, which would have contact and solver settings of its own");
             if self.settings == "file" {
                 bail!("{said}; leave --settings file out");
             }
@@ -93,27 +93,24 @@ impl Carried {
         }
         let arena = Arena::Solver(SolverSpec::default());
         let mut rows = Vec::new();
-        let mut add =
-            |simulator: &str, [games, still]: [Vec<nerd_train::ppo::Game>; 2], fallen: usize, there: Option<There>| {
-                let (reward, still) = (Reward::of(&games), Reward::of(&still));
-                let beyond = |row: &Row| row.reward.mean - row.still.mean;
-                let row = Row {
-                    task: task.clone(),
-                    policy: from_root(path),
-                    simulator: simulator.into(),
-                    reward,
-                    still,
-                    share: None,
-                    fallen,
-                    there,
-                };
-                let most = beyond(rows.first().unwrap_or(&row));
-                rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
+        let mut add = |simulator: &str, games: &[Game], still: &[Game], fallen: usize, there: Option<There>| {
+            let beyond = |row: &Row| row.reward.mean - row.still.mean;
+            let row = Row {
+                task: task.clone(),
+                policy: name.clone(),
+                simulator: simulator.into(),
+                reward: Reward::of(games),
+                still: Reward::of(still),
+                share: None,
+                fallen,
+                there,
             };
-        let here = both.each_ref().map(|own| games(&task, &arena, &own.policy, self.episodes, self.seed));
-        let [here, stood] = here.into_iter().collect::<Result<Vec<_>>>()?.try_into().unwrap_or_default();
-        let ended = here.iter().filter(|game| game.length < own.episode_length() as f64).count();
-        add("truth", [here, stood], ended, None);
+            let most = beyond(rows.first().unwrap_or(&row));
+            rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
+        };
+        let play = |own: &Exported| games(&task, &arena, &own.policy, self.episodes, self.seed);
+        let here = play(&both[0])?;
+        add("truth", &here, &play(&both[1])?, fallen(&here, &*own), None);
         let models = [("file", FILE, file.as_deref().map(Model::File)), ("ours", OURS, Some(Model::Ours))];
         for (word, simulator, model) in models {
             let Some(model) = model.filter(|_| self.settings == word || self.settings == "both") else { continue };
@@ -123,18 +120,17 @@ impl Carried {
             };
             match play(&both[0]).and_then(|played| Ok((played, play(&both[1])?))) {
                 Ok((Played { versions, games, fallen, apart, settings }, still)) => {
-                    let there = There { versions, apart, settings };
-                    add(simulator, [games, still.games], fallen, Some(there));
+                    add(simulator, &games, &still.games, fallen, Some(There { versions, apart, settings }));
                 }
                 // The other setting may still succeed.
                 Err(error) if self.settings == "both" && file.is_some() => {
-                    tell!("{}: not played with --settings {word}: {error}", from_root(path))
+                    tell!("{name}: not played with --settings {word}: {error}")
                 }
                 Err(error) => return Err(error),
             }
         }
         if rows.len() < 2 {
-            bail!("{}: it was not played in MuJoCo", from_root(path));
+            bail!("{name}: it was not played in MuJoCo");
         }
         Ok(rows)
     }
@@ -152,7 +148,8 @@ fn differences(rows: &[Row]) -> String {
     let line = |k: usize| {
         let settings = |row: &Row| row.there.as_ref().map(|there| there.settings.clone());
         let own = rows.get(k).filter(|row| row.simulator == FILE)?;
-        let (file, name) = (settings(own)?, short(&own.policy));
+        let file = settings(own)?;
+        let name = short(&own.policy);
         let ours = rows.get(k + 1).filter(|row| row.policy == own.policy).and_then(settings);
         let (what, mut list) = match &ours {
             Some(ours) => ("of the file and ours", file.differences(ours)),
@@ -168,7 +165,8 @@ fn differences(rows: &[Row]) -> String {
 
 impl Experiment for Carried {
     fn about(&self) -> Result<About> {
-        let (folders, mut inputs) = (self.folders()?, Inputs::default());
+        let folders = self.folders()?;
+        let mut inputs = Inputs::default();
         for path in &folders {
             depend(&mut inputs, &folder::load(path)?.0.task, Truth::Articulated)?;
             inputs.add(Input::policy(path)?);
@@ -182,24 +180,23 @@ impl Experiment for Carried {
             ["policy", "simulator", "reward", "keeps still", "share", "falls", "observation", "action", "torque"];
         let line = |r: &Row| {
             let word = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.standard_error);
-            let share = r.share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
+            let share = or_dash(r.share.map(|share| format!("{:.1} %", 100.0 * share)));
             let falls = format!("{} of {}", r.fallen, self.episodes);
             let gaps = r.there.as_ref().map_or([None; 3], |there| {
                 let player::Gaps { observation, action, torque } = there.apart;
                 [Some(observation), Some(action), (there.settings.control == "torques").then_some(torque)]
             });
-            let gaps = gaps.map(|gap| gap.map_or_else(|| "-".into(), |x| format!("{x:.0e}")));
+            let gaps = gaps.map(|gap| or_dash(gap.map(|x| format!("{x:.0e}"))));
             [short(&r.policy), r.simulator.clone(), word(&r.reward), word(&r.still), share, falls]
                 .into_iter()
                 .chain(gaps)
-                .collect()
         };
         let note = "Mean reward of a game under mean actions, and of a robot that keeps still (all actions 0). Share: (reward - keeps still) / \
                     (the truth's - keeps still). MuJoCo, file: the robot's MJCF with its own contact, solver and actuators; MuJoCo, ours: our \
                     contact translated. Observation, action, torque: largest difference between what the contract's player made of MuJoCo's \
                     states and what task and policy make of them, of the largest number.";
         let table =
-            Table::new("carried", &header).with(rows.iter().map(line)).noted(&(note.to_string() + &differences(&rows)));
+            Table::new("carried", header).with(rows.iter().map(line)).noted(note.to_string() + &differences(&rows));
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }
 }

@@ -1,11 +1,11 @@
 //! Episodes of a policy in a truth and in a model, and the gap between their rewards.
 
-use nerd_tasks::named;
+use nerd_tasks::{Task, named};
 use nerd_train::ppo::{Game, Policy, play};
 
 use crate::prelude::*;
 
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 pub struct Reward {
     pub mean: f64,
     /// Standard deviation over episodes.
@@ -15,34 +15,32 @@ pub struct Reward {
     /// Mean length of an episode (steps).
     pub length: f64,
     /// Share of successful episodes ([`Game::error`]); `None` if the task defines no success.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub success: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<f64>,
 }
 
 impl Reward {
     pub fn of(games: &[Game]) -> Self {
-        let n = games.len() as f64;
-        let mean = games.iter().map(|g| g.reward).sum::<f64>() / n;
-        let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
-        let succeeded = games.iter().filter(|g| g.error.is_some_and(|error| error <= 1.0)).count();
-        let success = games.iter().any(|g| g.error.is_some()).then_some(succeeded as f64 / n);
-        let error =
-            success.map(|_| games.iter().filter_map(|g| g.error).sum::<f64>() / n).filter(|error| error.is_finite());
+        let over = |of: &dyn Fn(&Game) -> f64| mean(&games.iter().map(of).collect_vec());
+        let reward = over(&|g| g.reward);
+        let spread = over(&|g| (g.reward - reward).powi(2)).sqrt();
+        let judged = games.iter().any(|g| g.error.is_some());
+        let success = |g: &Game| f64::from(u8::from(g.error.is_some_and(|error| error <= 1.0)));
         Self {
-            mean,
+            mean: reward,
             spread,
-            standard_error: spread / n.sqrt(),
-            length: games.iter().map(|g| g.length).sum::<f64>() / n,
-            success,
-            error,
+            standard_error: spread / (games.len() as f64).sqrt(),
+            length: over(&|g| g.length),
+            success: judged.then(|| over(&success)),
+            error: judged.then(|| over(&|g| g.error.unwrap_or(0.0))).filter(|error| error.is_finite()),
         }
     }
 }
 
 /// A policy's rewards in the truth and in a model.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Compared {
     pub real: Reward,
     pub learned: Option<Reward>,
@@ -54,14 +52,14 @@ pub struct Compared {
 
 impl Compared {
     pub fn of(real: &[Game], learned: Option<&[Game]>) -> Self {
-        let finite = |x: f64| Some(x).filter(|x| x.is_finite());
-        let (mean, played) = (Reward::of(real), learned.map(Reward::of));
-        let gap = played.and_then(|played| finite(gap(mean.mean, played.mean)));
+        let finite = |x: &f64| x.is_finite();
+        let mean = Reward::of(real);
+        let played = learned.map(Reward::of);
         Self {
+            gap: played.map(|played| gap(mean.mean, played.mean)).filter(finite),
+            gap_error: learned.map(|learned| gap_error(real, learned)).filter(finite),
             real: mean,
             learned: played,
-            gap,
-            gap_error: learned.and_then(|learned| finite(gap_error(real, learned))),
         }
     }
 }
@@ -74,7 +72,8 @@ pub fn gap(real: f64, learned: f64) -> f64 {
 /// Standard error of [`gap`] for episodes with equal starts, pair by pair:
 /// `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
 fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
-    let (r, l) = (Reward::of(real).mean, Reward::of(learned).mean);
+    let r = Reward::of(real).mean;
+    let l = Reward::of(learned).mean;
     let square = |(a, b): (&Game, &Game)| (b.reward - a.reward * l / r).powi(2);
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
 }
@@ -127,6 +126,16 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
     })?;
     bar.finish();
     Ok(games)
+}
+
+/// The policy whose actions are all 0.
+pub fn still(policy: &Policy) -> Policy {
+    Policy { flat: vec![0.0; policy.flat.len()], ..policy.clone() }
+}
+
+/// Number of episodes that ended early.
+pub fn fallen(games: &[Game], task: &dyn Task) -> usize {
+    games.iter().filter(|game| game.length < task.episode_length() as f64).count()
 }
 
 /// Adds the inputs of a task's episodes in a truth: the robot and the solver.

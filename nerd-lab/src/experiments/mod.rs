@@ -19,7 +19,6 @@ use crate::report::artifact::{Artifact, may_write};
 use crate::{prelude::*, report::Provenance};
 
 /// Name, inputs and effort of a result.
-#[derive(Clone, Debug, Default)]
 pub struct About {
     /// Folder name in `results`.
     pub name: String,
@@ -53,10 +52,25 @@ impl Measured {
     }
 
     #[must_use]
-    pub fn with(mut self, name: impl Into<String>, figure: Figure) -> Self {
-        self.figures.push((name.into(), figure));
+    pub fn with(mut self, name: &str, figure: impl Into<Option<Figure>>) -> Self {
+        self.figures.extend(figure.into().map(|figure| (name.into(), figure)));
         self
     }
+}
+
+/// A solver's errors, microseconds of a frame of one environment, and GPU memory (MiB).
+pub struct Timed {
+    pub report: PassiveReport,
+    pub microseconds: f64,
+    pub memory: Option<f64>,
+}
+
+/// Refuses a GPU if the program was built without.
+pub fn built_for(card: bool) -> Result<()> {
+    if card && !cfg!(feature = "cuda") {
+        bail!("--device cuda needs a build with `--features cuda`");
+    }
+    Ok(())
 }
 
 /// Measures an experiment and writes its result into its own folder in `out`. A result with more effort is never

@@ -39,7 +39,8 @@ impl Act {
         let joints = self.simulation().batch.system.robot.joint_count();
         match self {
             Self::Alone(simulation) => {
-                let (n, rest) = (simulation.batch.len(), vec![0.0; joints]);
+                let n = simulation.batch.len();
+                let rest = vec![0.0; joints];
                 let mut torques = vec![0.0; n * joints];
                 simulation.batch.servo = false;
                 if let (Some(law), true) = (law, joints > 0) {
@@ -57,7 +58,8 @@ impl Act {
                 let (episodes, running, actor) = &mut **played;
                 let actions = actor.mean(&running.stack.rows);
                 let (_, ended) = running.step(episodes, &actions, &mut Vec::new())?;
-                let (torques, width) = (episodes.trace().torques, joints * episodes.len());
+                let torques = episodes.trace().torques;
+                let width = joints * episodes.len();
                 let first = torques.chunks_exact(width.max(1)).flat_map(|frame| &frame[..joints]).copied().collect();
                 Ok((first, ended.iter().any(|ended| ended.env == 0)))
             }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::prelude::*;
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Serialize)]
 pub(super) struct Stick {
     hue: f64,
     /// Thickness (m).
@@ -54,7 +54,8 @@ impl Stick {
 
 /// Line ends of all environments but the first, `[env][stick][end][x, y, z]` in little-endian f32 (m).
 pub(super) fn ends(batch: &Batch, sticks: &[Stick]) -> Vec<u8> {
-    let (robot, width) = (&batch.system.robot, batch.system.robot.state_dim());
+    let robot = &batch.system.robot;
+    let width = batch.system.robot.state_dim();
     let own = |data: &mut Data, state: &[f64]| -> Vec<u8> {
         kinematics(robot, state, data);
         let at = |stick: &Stick| stick.ends.map(|end| link_pose(data, stick.link) * end);

@@ -10,7 +10,7 @@ use crate::prelude::*;
 const PULL: f64 = 60.0;
 
 /// A spring from a point of a link to a target.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(super) struct Hand {
     pub link: usize,
     /// The point (m, link axes).
@@ -25,7 +25,8 @@ impl Hand {
     pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
         let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
         // Solves the implicit step for p: p = dt m (k (target - x - dt v') - c v') with v' = v + G p.
-        let (spring, damper) = (dt * mass * PULL, dt * mass * (PULL * dt + 2.0 * PULL.sqrt()));
+        let spring = dt * mass * PULL;
+        let damper = dt * mass * (PULL * dt + 2.0 * PULL.sqrt());
         self.push(batch, |place, speed, gives| {
             let lhs = Matrix3::identity() + gives * damper;
             lhs.lu().solve(&((self.target - place) * spring - speed * damper)).unwrap_or_default()
@@ -40,7 +41,8 @@ impl Hand {
         law: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
     ) -> Option<Vector3<f64>> {
         let system = batch.system.clone();
-        let (robot, mut data) = (&system.robot, system.data());
+        let robot = &system.robot;
+        let mut data = system.data();
         let pose = Isometry3::from_parts(self.local.into(), Default::default());
         let frame = FixedFrame { name: String::new(), link: Some(self.link), pose };
         let place = robot.pose(batch.state(0), &frame).translation.vector;

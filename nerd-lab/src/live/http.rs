@@ -19,7 +19,7 @@ const HEAD: usize = 8192;
 pub const BODY: usize = 1024;
 
 /// A parsed request.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Request {
     pub method: String,
     pub path: String,
@@ -46,7 +46,8 @@ impl Server {
     /// Serves a port of this machine until dropped.
     pub fn new(port: u16, answer: Arc<Answer>) -> std::io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))?;
-        let (address, over) = (listener.local_addr()?, Arc::new(AtomicBool::new(false)));
+        let address = listener.local_addr()?;
+        let over = Arc::new(AtomicBool::new(false));
         let ended = over.clone();
         std::thread::Builder::new().spawn(move || {
             let seats = Arc::new(Seats::default());
@@ -78,7 +79,9 @@ impl Drop for Server {
 }
 
 fn seat(number: u64, stream: TcpStream, seats: &Arc<Seats>, answer: &Arc<Answer>) {
-    let (stream, own, answer) = (Arc::new(stream), seats.clone(), answer.clone());
+    let stream = Arc::new(stream);
+    let own = seats.clone();
+    let answer = answer.clone();
     if locked(seats).len() >= SEATS {
         hang_up(seats);
     }
@@ -111,20 +114,25 @@ fn locked(seats: &Seats) -> std::sync::MutexGuard<'_, BTreeMap<u64, (Arc<TcpStre
     seats.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
+/// A refusal and its reason.
+pub fn refused(code: u16, why: &str) -> Reply {
+    (code, "text/plain; charset=utf-8", why.as_bytes().into())
+}
+
 /// Answers one request; returns whether it was the last. An error ends the connection.
 fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(SLOW))?;
-    let (asked, (code, kind, text)) = match read(stream)? {
-        Ok(asked) => {
-            let reply = answer(&asked);
-            (asked, reply)
+    let mut asked = Request { last: true, ..Request::default() };
+    let (code, kind, text) = match read(stream)? {
+        Ok(request) => {
+            asked = request;
+            answer(&asked)
         }
-        Err((code, why)) => {
-            (Request { last: true, ..Request::default() }, (code, "text/plain; charset=utf-8", why.as_bytes().into()))
-        }
+        Err((code, why)) => refused(code, why),
     };
-    let (length, close) = (text.len(), if asked.last { "Connection: close\r\n" } else { "" });
+    let length = text.len();
+    let close = if asked.last { "Connection: close\r\n" } else { "" };
     let head = format!(
         "HTTP/1.1 {code} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n{close}\r\n"
     );
@@ -141,10 +149,14 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
 
 /// Reads a request, or returns the status and reason of a refusal.
 fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'static str)>> {
-    let (mut bytes, mut began) = (Vec::new(), None);
+    let mut bytes = Vec::new();
+    let mut began = None;
     loop {
-        let left = began.map_or(Some(SILENT), |began: Instant| SLOW.checked_sub(began.elapsed()));
-        stream.set_read_timeout(Some(left.filter(|left| !left.is_zero()).ok_or(std::io::ErrorKind::TimedOut)?))?;
+        let left = began.map_or(SILENT, |began: Instant| SLOW.saturating_sub(began.elapsed()));
+        if left.is_zero() {
+            return Err(std::io::ErrorKind::TimedOut.into());
+        }
+        stream.set_read_timeout(Some(left))?;
         let mut some = [0; 4096];
         let n = stream.read(&mut some)?;
         if n == 0 {
@@ -152,11 +164,10 @@ fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'stati
         }
         began.get_or_insert_with(Instant::now);
         bytes.extend_from_slice(&some[..n]);
-        match parsed(&bytes) {
-            Ok(None) if bytes.len() < HEAD + BODY => {}
-            Ok(None) => return Ok(Err((431, "an ask has a shorter head"))),
-            Ok(Some(request)) => return Ok(Ok(request)),
-            Err(refused) => return Ok(Err(refused)),
+        match parsed(&bytes).transpose() {
+            Some(done) => return Ok(done),
+            None if bytes.len() < HEAD + BODY => {}
+            None => return Ok(Err((431, "an ask has a shorter head"))),
         }
     }
 }

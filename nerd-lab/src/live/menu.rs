@@ -10,7 +10,7 @@ use crate::{prelude::*, roll::begun};
 pub const MOST: usize = 4096;
 
 /// Lists of choices, and the present choice by index.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Default, Serialize)]
 pub struct Menu {
     pub robots: Vec<String>,
     pub scenes: Vec<String>,
@@ -32,24 +32,34 @@ fn scenes(system: &System) -> Vec<String> {
     system.scene_names().into_iter().chain(worlds).map(String::from).collect()
 }
 
+/// The place of a choice in a list, which it ends if it is new.
+fn place<T: PartialEq>(all: &mut Vec<T>, own: T) -> usize {
+    let at = all.iter().position(|one| *one == own).unwrap_or(all.len());
+    if at == all.len() {
+        all.push(own);
+    }
+    at
+}
+
 pub(super) struct Made {
     pub title: String,
     pub act: Act,
     pub settings: Vec<SolverSpec>,
 }
 
+/// The k-th of a list, whose numbers begin at `first`.
+pub(super) fn chosen<'a, T>(what: &str, all: &'a [T], k: usize, first: usize) -> Result<&'a T> {
+    all.get(k).with_context(|| format!("there is no {what} {}; there are {}", k + first, all.len()))
+}
+
 impl Menu {
     /// All that ships with the project, and the given robot, policy and models. Without `scene`: `ground`, else the
     /// first after `free` if the base is free or the robot has scenes, else `free`.
     pub fn new(robot: Option<&str>, scene: Option<&str>, policy: Option<&Path>, models: &[PathBuf]) -> Result<Self> {
-        let mut robots: Vec<String> =
-            [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect();
+        let mut robots = [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect_vec();
         let mut policies = shipped::policies("")?;
-        let place = |at: Option<usize>, end: usize| at.unwrap_or(end);
-        let at = robot.map_or(0, |own| place(robots.iter().position(|robot| robot == own), robots.len()));
-        robots.extend(robot.filter(|_| at == robots.len()).map(String::from));
-        let plays = policy.map_or(0, |own| 1 + place(policies.iter().position(|policy| policy == own), policies.len()));
-        policies.extend(policy.filter(|_| plays > policies.len()).map(PathBuf::from));
+        let at = robot.map_or(0, |own| place(&mut robots, own.into()));
+        let plays = policy.map_or(0, |own| 1 + place(&mut policies, own.into()));
         let menu =
             Self { robots, policies, models: models.to_vec(), robot: at, policy: plays, envs: 1, ..Self::default() };
         let Some(scene) = scene else { return Ok(menu) };
@@ -62,29 +72,19 @@ impl Menu {
 
     /// Builds the present choice, and lists its scenes.
     pub(super) fn make(&mut self) -> Result<Made> {
-        let policy = match self.policy.checked_sub(1) {
-            None => None,
-            Some(k) => Some(
-                self.policies
-                    .get(k)
-                    .with_context(|| format!("there is no policy {}; there are {}", k + 1, self.policies.len()))?,
-            ),
-        };
-        let (act, system, title) = match policy {
-            Some(policy) => {
-                let (config, policy) = folder::load(policy)?;
+        let (act, system, title) = match self.policy.checked_sub(1) {
+            Some(k) => {
+                let (config, policy) = folder::load(chosen("policy", &self.policies, k, 1)?)?;
                 let arena = Arena::from(named(&config.task)?.system()?.spec.truth);
                 let episodes = arena.episodes(&config.task, self.envs, 0)?;
-                let (system, running) =
-                    (episodes.simulation.batch.system.clone(), Running::new(&episodes, policy.shape.stack));
-                (self.scenes, self.scene) = (Vec::new(), None);
+                let system = episodes.simulation.batch.system.clone();
+                let running = Running::new(&episodes, policy.shape.stack);
+                self.scenes = Vec::new();
+                self.scene = None;
                 (Act::Policy(Box::new((episodes, running, Actor::new(policy)))), system, config.task)
             }
             None => {
-                let Some(robot) = self.robots.get(self.robot) else {
-                    bail!("there is no robot {}; there are {}", self.robot, self.robots.len())
-                };
-                let system = System::named(robot)?;
+                let system = System::named(chosen("robot", &self.robots, self.robot, 0)?)?;
                 let own = system.scene_names().len();
                 self.scenes = scenes(&system);
                 let usual = self
@@ -93,10 +93,7 @@ impl Menu {
                     .position(|scene| scene == "ground")
                     .unwrap_or((system.robot.floating() || own > 1).into());
                 let at = *self.scene.get_or_insert(usual.min(self.scenes.len() - 1));
-                let Some(name) = self.scenes.get(at) else {
-                    bail!("there is no scene {at}; there are {}", self.scenes.len())
-                };
-                let scene = system.scene(name)?;
+                let scene = system.scene(chosen("scene", &self.scenes, at, 0)?)?;
                 let mut batch = begun(&system, &scene, self.envs, Start::Reset, 0);
                 batch.reset(0, &system.default_state());
                 let title = format!("{} in {}", system.name, scene.name);

@@ -6,7 +6,7 @@ use std::sync::{Arc, PoisonError, RwLock};
 use nerd_train::replay::{SCRIPT, escape, fill, script};
 
 use super::ask::Ask;
-use super::http::{Reply, Request, Server};
+use super::http::{Reply, Request, Server, refused};
 use super::world::World;
 use crate::prelude::*;
 
@@ -28,7 +28,8 @@ struct Face {
 
 impl Face {
     fn new(world: &mut World) -> Self {
-        let (title, data) = (escape(&world.title), script(&world.page()));
+        let title = escape(&world.title);
+        let data = script(&world.page());
         let page = fill(PAGE, &[("TITLE", &title), ("PAINTER", SCRIPT), ("LIVE", LIVE), ("DATA", &data)]);
         Self { page: page.into_bytes().into(), ..Self::default() }.now(world)
     }
@@ -49,7 +50,7 @@ impl Live {
             let shown = shown.clone();
             Arc::new(move |request: &Request| reply(request, &asks, &shown))
         };
-        let server = Server::new(port, answer).map_err(|e| anyhow::anyhow!("--port {port}: {e}; name another"))?;
+        let server = Server::new(port, answer).map_err(|e| anyhow!("--port {port}: {e}; name another"))?;
         std::thread::Builder::new().spawn(move || run(world, &asked, &shown)).context("no thread for the world")?;
         Ok(Self(server))
     }
@@ -61,7 +62,6 @@ impl Live {
 
 fn reply(request: &Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) -> Reply {
     const JSON: &str = "application/json";
-    let refused = |code: u16, why: &str| (code, "text/plain; charset=utf-8", why.as_bytes().into());
     // A page from another site cannot read this one (its Host differs) or send requests (its content type differs).
     // Browsers omit port 80.
     let host = request.host.rsplit_once(':').map_or(request.host.as_str(), |(host, _)| host);
@@ -91,7 +91,8 @@ fn reply(request: &Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) -> Rep
 fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
     let mut next = Instant::now();
     loop {
-        let (pace, number) = (Duration::from_secs_f64(world.pace()), world.number);
+        let pace = Duration::from_secs_f64(world.pace());
+        let number = world.number;
         let left = next.saturating_duration_since(Instant::now());
         if left.is_zero() {
             if !world.paused {

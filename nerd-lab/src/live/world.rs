@@ -9,7 +9,7 @@ use super::act::Act;
 use super::ask::Ask;
 use super::crowd::{Stick, ends};
 use super::hand::Hand;
-use super::menu::{Made, Menu};
+use super::menu::{Made, Menu, chosen};
 use crate::prelude::*;
 
 /// The simulation behind the page.
@@ -38,7 +38,7 @@ pub struct World {
     trouble: String,
 }
 
-#[derive(Clone, Debug, Serialize)]
+#[derive(Serialize)]
 pub struct Shown {
     /// Number of the world; if it changes, the page reloads.
     pub number: usize,
@@ -107,13 +107,9 @@ impl World {
         let robot = Replay::new(&self.title, batch, self.pace());
         let many = batch.len() > 1;
         self.sticks = if many { Stick::all(&robot.shapes) } else { Vec::new() };
-        let solvers: Vec<_> = self.settings.iter().map(SolverSpec::series).collect();
-        let solvers = solvers
-            .iter()
-            .zip(&self.settings)
-            .map(|(series, own)| own.asked().map_or(own.to_string(), |_| series.to_string()));
+        let name = |own: &SolverSpec| own.asked().map_or(own.to_string(), |_| own.series().to_string());
         serde_json::json!({
-            "robot": robot, "sticks": self.sticks, "solvers": solvers.collect::<Vec<_>>(), "menu": self.menu, "number": self.number,
+            "robot": robot, "sticks": self.sticks, "solvers": self.settings.iter().map(name).collect_vec(), "menu": self.menu, "number": self.number,
             "friction": batch.system.spec.material.friction, "gravity": batch.scenes[0].gravity.norm(),
         })
     }
@@ -150,7 +146,8 @@ impl World {
     /// One frame, or a policy's step. A solver error pauses the world.
     pub fn step(&mut self) {
         if let Err(error) = self.advance() {
-            (self.trouble, self.paused) = (error.to_string(), true);
+            self.trouble = error.to_string();
+            self.paused = true;
         }
     }
 
@@ -181,17 +178,16 @@ impl World {
 
     fn reset(&mut self) -> Result<()> {
         self.act.reset(&self.start);
-        (self.frame, self.hand) = (0, None);
+        self.frame = 0;
+        self.hand = None;
         self.haunt(self.ghost.is_some())
     }
 
     fn swap(&mut self, to: usize) -> Result<()> {
-        let Some(setting) = self.settings.get(to) else {
-            bail!("there is no solver {to}; there are {}", self.settings.len())
-        };
-        let solver = setting.solver(&self.system, self.menu.envs)?;
+        let solver = chosen("solver", &self.settings, to, 0)?.solver(&self.system, self.menu.envs)?;
         let simulation = self.act.simulation_mut();
-        (simulation.solver, self.solver) = (solver, to);
+        simulation.solver = solver;
+        self.solver = to;
         simulation.batch.forces.clear();
         Ok(())
     }
@@ -232,7 +228,8 @@ impl World {
             let mut system = (*simulation.batch.system).clone();
             system.spec.material.friction = friction;
             system.one_friction = Some(friction);
-            (simulation.batch.system, simulation.solver) = (system.into(), solver);
+            simulation.batch.system = system.into();
+            simulation.solver = solver;
             alter(&mut simulation.batch, |scene| {
                 scene.colliders.iter_mut().for_each(|body| body.material.friction = friction)
             });
@@ -277,7 +274,8 @@ impl World {
         });
         let tracks = std::iter::once(batch).chain(self.ghost.as_ref().map(|ghost| &ghost.batch)).map(poses).collect();
         let Self { number, frame, cost, solver, paused, hold, ref trouble, .. } = *self;
-        let (name, substeps) = (self.settings[solver].to_string(), self.settings[solver].asked());
+        let name = self.settings[solver].to_string();
+        let substeps = self.settings[solver].asked();
         Shown { number, frame, tracks, apart, cost, solver, name, substeps, paused, hold, trouble: trouble.clone() }
     }
 }

@@ -7,7 +7,7 @@ use nerd_sim::sampling::stream;
 use rand::RngExt;
 use serde_json::json;
 
-use super::referee::{Python, REFEREE, to_mujoco};
+use super::referee::{Python, to_mujoco};
 use crate::prelude::*;
 
 /// Accelerations below this (m/s^2, rad/s^2) in both count as rounding.
@@ -19,17 +19,17 @@ const NONE: f64 = 1e-9;
 /// both. A URDF is converted to MJCF first.
 pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<f64> {
     let robot = &system.robot;
-    let mut python = Python::start(python, REFEREE)?;
-    let mut model = json!({ "frame_time": 0.0, "frames": 0, "starts": [] });
-    match path.extension().is_some_and(|ending| ending == "xml") {
-        true => model["path"] = json!(path),
-        false => model["mjcf"] = json!(nerd_sim::mjcf::mjcf(system, &*system.scene("free")?, &[])?),
-    }
-    python.ask::<String>(&model)?;
-    let states: Vec<_> = (0..count).map(|k| state(robot, k)).collect();
-    let (dofs, root, coords) = (robot.dofs(), robot.root_dofs(), robot.root_coords());
-    let joints: Vec<_> =
-        robot.links.iter().zip(&dofs).filter_map(|(link, dof)| Some((link.joint.as_ref()?, *dof))).collect();
+    let model = match path.extension().is_some_and(|ending| ending == "xml") {
+        true => json!({ "frame_time": 0.0, "path": path }),
+        false => json!({ "frame_time": 0.0, "mjcf": nerd_sim::mjcf::mjcf(system, &*system.scene("free")?, &[])? }),
+    };
+    let mut python = Python::of_model(python, model)?;
+    let states = (0..count).map(|k| state(robot, k)).collect_vec();
+    let dofs = robot.dofs();
+    let root = robot.root_dofs();
+    let coords = robot.root_coords();
+    let joints =
+        robot.links.iter().zip(&dofs).filter_map(|(link, dof)| Some((link.joint.as_ref()?, *dof))).collect_vec();
     let along = DMatrix::from_fn(root + joints.len(), robot.nv(), |row, column| match row.checked_sub(root) {
         None => f64::from(u8::from(row == column)),
         Some(k) if joints[k].1 == column => joints[k].0.ratio(),
@@ -42,10 +42,10 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
             .iter()
             .map(|(joint, dof)| joint.ratio() * q[coords + dof - root] + joint.mimic().map_or(0.0, |m| m.offset));
         let rates = &along * nalgebra::DVector::from_column_slice(qd);
-        q[..coords].iter().copied().chain(positions).chain(rates.iter().copied()).collect::<Vec<_>>()
+        q[..coords].iter().copied().chain(positions).chain(rates.iter().copied()).collect_vec()
     });
-    let rows: Vec<Vec<f64>> = along.row_iter().map(|row| row.iter().copied().collect()).collect();
-    let theirs: Vec<Vec<f64>> = python.ask(&json!({ "accelerate": theirs.collect::<Vec<_>>(), "along": rows }))?;
+    let rows = along.row_iter().map(|row| row.iter().copied().collect_vec()).collect_vec();
+    let theirs: Vec<Vec<f64>> = python.ask(&json!({ "accelerate": theirs.collect_vec(), "along": rows }))?;
     let mut worst = 0.0f64;
     for (state, theirs) in states.iter().zip(theirs) {
         let ours = accelerations(system, state)?;
@@ -58,8 +58,10 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
 
 /// A random state: joints within their limits, any root orientation, velocities up to 2 (rad/s or m/s).
 fn state(robot: &Robot, k: u64) -> Vec<f64> {
-    let (mut rng, mut state) = (stream(17, k), robot.zero_state());
-    let (nq, coords) = (robot.nq(), robot.root_coords());
+    let mut rng = stream(17, k);
+    let mut state = robot.zero_state();
+    let nq = robot.nq();
+    let coords = robot.root_coords();
     state.iter_mut().for_each(|x| *x = rng.random_range(-2.0..2.0));
     for (q, joint) in state[coords..nq].iter_mut().zip(robot.joints()) {
         let free = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
@@ -77,7 +79,8 @@ fn state(robot: &Robot, k: u64) -> Vec<f64> {
 fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
     let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
     let local = twist.to_local(robot, q);
-    let (mut tau, root) = (vec![0.0; robot.nv()], robot.root_dofs());
+    let mut tau = vec![0.0; robot.nv()];
+    let root = robot.root_dofs();
     for (k, joint) in robot.joints().enumerate() {
         tau[root + k] =
             -joint.damping * local.0[root + k] - joint.stiffness * (q[robot.root_coords() + k] - joint.rest);

@@ -41,7 +41,6 @@ struct Law {
 }
 
 /// Result of the comparison with MuJoCo.
-#[derive(Clone, Debug)]
 pub struct Compared {
     /// Moving bodies with compared masses.
     pub bodies: usize,
@@ -72,7 +71,7 @@ fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
         None => Some(format!("`{name}` ({} kg) moves in MuJoCo, not here", digits(*theirs))),
     };
     let more = robot.links.iter().filter(|link| link.inertia.mass > 0.0 && !theirs.contains_key(&link.name));
-    let more: Vec<_> = more.map(|link| format!("`{}` moves here, not in MuJoCo", link.name)).collect();
+    let more = more.map(|link| format!("`{}` moves here, not in MuJoCo", link.name)).collect_vec();
     theirs.iter().filter_map(body).chain(more).collect()
 }
 
@@ -80,11 +79,8 @@ fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
 fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
     let ours = Ours::of(system)?;
     let surfaces = &system.surfaces.geoms;
-    let places = |own: &'_ SurfaceGeom| own.geoms.iter().map(|(place, _)| *place).collect::<Vec<_>>();
-    let all = surfaces
-        .iter()
-        .enumerate()
-        .flat_map(|(k, own)| places(own).into_iter().map(move |place| ((own.body.as_str(), place), k)));
+    let all =
+        surfaces.iter().enumerate().flat_map(|(k, own)| own.geoms.iter().map(move |geom| ((&*own.body, geom.0), k)));
     let numbers: HashMap<(&str, usize), usize> = all.collect();
     let number = |geom: &Geom| numbers.get(&(geom.body.as_str(), geom.place)).copied();
     let (mut differences, mut met) = (Vec::new(), HashMap::<_, Vec<&Law>>::new());
@@ -146,12 +142,8 @@ impl<'a> Ours<'a> {
             [GROUND, "base", "free"].into_iter().find(|scene| system.scene_names().contains(scene)).unwrap_or("free");
         let scene = system.scene(scene)?;
         let points = system.robot.contact_points.iter().filter_map(|point| Some((point.surface?, point))).collect();
-        let mut colliders = HashMap::<_, Vec<usize>>::new();
-        for (k, collider) in scene.colliders.iter().enumerate() {
-            if let Some(surface) = collider.surface {
-                colliders.entry(surface).or_default().push(k);
-            }
-        }
+        let standing = scene.colliders.iter().enumerate().filter_map(|(k, collider)| Some((collider.surface?, k)));
+        let colliders = standing.into_group_map();
         Ok(Self { system, scene, points, colliders })
     }
 

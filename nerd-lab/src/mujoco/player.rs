@@ -10,7 +10,7 @@ use nerd_train::onnx::Contract;
 use nerd_train::ppo::{Game, Policy};
 use serde_json::json;
 
-use super::referee::{Python, to_mujoco};
+use super::referee::{Python, all_to_mujoco};
 use super::{settings::Settings, solver::take};
 use crate::prelude::*;
 
@@ -20,7 +20,7 @@ const STEP: f64 = 1e-4;
 const PLAYER: &str = concat!(include_str!("model.py"), include_str!("player.py"));
 
 /// The model that MuJoCo simulates.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub enum Model<'a> {
     /// Written by us, with our contact translated.
     Ours,
@@ -28,7 +28,7 @@ pub enum Model<'a> {
     File(&'a Path),
 }
 
-#[derive(Clone, Debug, Default)]
+#[derive(Debug, Default)]
 pub struct Played {
     pub versions: String,
     pub games: Vec<Game>,
@@ -40,7 +40,7 @@ pub struct Played {
     pub apart: Gaps,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Gaps {
     pub observation: f64,
     pub action: f64,
@@ -61,7 +61,7 @@ struct Heard {
 struct Hearsay(Arc<Mutex<Heard>>, Vec<f64>);
 
 impl Solver for Hearsay {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         let mut faults = Vec::new();
         let servo = std::mem::replace(&mut batch.servo, false);
         let checked = check(batch, torques, &mut faults);
@@ -115,10 +115,10 @@ pub fn play(
             contract.task
         );
     }
-    let (batch, n) = (&episodes.simulation.batch, episodes.len());
-    let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());
-    let starts: Vec<_> = (0..n).map(|env| to_mujoco(&robot, batch.state(env))).collect();
-    let mut first = json!({ "onnx": onnx, "contract": contract, "starts": starts });
+    let batch = &episodes.simulation.batch;
+    let n = episodes.len();
+    let joints = batch.system.robot.joint_count();
+    let mut first = json!({ "onnx": onnx, "contract": contract, "starts": all_to_mujoco(batch) });
     match model {
         Model::Ours => {
             first["mjcf"] = json!(nerd_sim::mjcf::mjcf_of_our_contact(&batch.system, &batch.scenes[0])?);
@@ -126,7 +126,8 @@ pub fn play(
         }
         Model::File(path) => {
             let planes = batch.scenes[0].colliders.iter().filter_map(|collider| collider.plane.as_ref()).map(ground);
-            (first["path"], first["scene"]) = (json!(path), json!(batch.scenes[0].name));
+            first["path"] = json!(path);
+            first["scene"] = json!(batch.scenes[0].name);
             first["planes"] = planes.collect();
         }
     }
@@ -136,16 +137,17 @@ pub fn play(
     episodes.simulation.solver = Box::new(Hearsay(heard.clone(), Vec::new()));
     let actor = nerd_train::ppo::Actor::new(policy.clone());
     let mut running = nerd_train::ppo::Running::new(&episodes, policy.shape.stack);
-    let (frames, width, seen) =
-        (contract.frames_per_action as usize, contract.action.len(), contract.observation.len());
+    let frames = contract.frames_per_action as usize;
+    let width = contract.action.len();
+    let seen = contract.observation.len();
     let mut games: Vec<Option<Game>> = vec![None; n];
     let bar = bar(&format!("steps of {n} games of {} in MuJoCo", contract.task), episodes.task.episode_length());
     for step in 1.. {
-        let live: Vec<usize> = (0..n).filter(|env| games[*env].is_none()).collect();
+        let live = (0..n).filter(|env| games[*env].is_none()).collect_vec();
         if live.is_empty() {
             break;
         }
-        let goals: Vec<&[f64]> = live.iter().map(|env| episodes.view(*env).goal).collect();
+        let goals = live.iter().map(|env| episodes.view(*env).goal).collect_vec();
         type Answer = (Vec<f64>, Vec<f64>, Vec<(Vec<f64>, Option<Vec<f64>>)>);
         let answers: Vec<Answer> = python.ask(&json!({ "live": live, "goals": goals }))?;
         if answers.iter().any(|(o, a, f)| {
@@ -154,7 +156,8 @@ pub fn play(
             bail!("the Python of MuJoCo answered with other numbers than the contract has");
         }
         let own = actor.mean(&running.stack.rows);
-        let (mut actions, mut all) = (vec![0.0; n * width], vec![vec![None; n]; frames]);
+        let mut actions = vec![0.0; n * width];
+        let mut all = vec![vec![None; n]; frames];
         for (env, (observed, action, then)) in live.iter().copied().zip(answers) {
             let apart = &mut played.apart;
             apart.observation = apart.observation.max(gap(&episodes.observations()[env * seen..][..seen], &observed));

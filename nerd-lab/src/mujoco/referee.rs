@@ -61,17 +61,18 @@ impl Referee {
         held: Option<&Held>,
         worlds: Option<usize>,
     ) -> Result<Self> {
-        let (system, first) = (&batch.system, held.map_or(batch.driven(0), |held| &held.rest));
+        let system = &batch.system;
+        let first = held.map_or(batch.driven(0), |held| &held.rest);
         if held.is_none() && (1..batch.len()).any(|env| batch.driven(env) != first) {
             bail!("drives differ between environments, which the referee of MuJoCo does not take");
         }
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));
-        let starts: Vec<_> = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
+        let starts = all_to_mujoco(batch);
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
         let mut request = json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": frames, "starts": starts });
-        (request["targets"], request["every"]) =
-            (json!(held.map_or(&[][..], |held| &held.targets)), json!(held.map_or(frames.max(1), |held| held.every)));
+        request["targets"] = json!(held.map_or(&[][..], |held| &held.targets));
+        request["every"] = json!(held.map_or(frames.max(1), |held| held.every));
         let mut python = Python::start(python, if worlds.is_some() { WARP } else { REFEREE })?;
         let version = python.ask(&request)?;
         Ok(Self { version, worlds: worlds.unwrap_or_default(), robot, python })
@@ -103,12 +104,18 @@ pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     if robot.floating() {
         let (q, qd) = out.split_at_mut(robot.nq());
         to_local(robot, q, qd);
-        let (w, velocity) = (quaternion(&q[3..7]).inverse() * vector(&qd[..3]), vector(&qd[3..6]));
+        let w = quaternion(&q[3..7]).inverse() * vector(&qd[..3]);
+        let velocity = vector(&qd[3..6]);
         q[3..7].rotate_right(1);
         qd[..3].copy_from_slice(velocity.as_slice());
         qd[3..6].copy_from_slice(w.as_slice());
     }
     out
+}
+
+/// The same of every environment of a batch.
+pub fn all_to_mujoco(batch: &Batch) -> Vec<Vec<f64>> {
+    (0..batch.len()).map(|env| to_mujoco(&batch.system.robot, batch.state(env))).collect()
 }
 
 /// State `[q, qd]` of `[qpos, qvel]`, with angles of unlimited joints wrapped.
@@ -117,7 +124,8 @@ pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     if robot.floating() {
         let (q, qd) = out.split_at_mut(robot.nq());
         q[3..7].rotate_left(1);
-        let (velocity, w) = (vector(&qd[..3]), quaternion(&q[3..7]) * vector(&qd[3..6]));
+        let velocity = vector(&qd[..3]);
+        let w = quaternion(&q[3..7]) * vector(&qd[3..6]);
         qd[..3].copy_from_slice(w.as_slice());
         qd[3..6].copy_from_slice(velocity.as_slice());
         to_world(robot, q, qd);
@@ -151,13 +159,22 @@ impl Python {
         Ok(Self { child, input, output: BufReader::new(output) })
     }
 
+    /// A MuJoCo with a model (`mjcf` or `path`) and its time step, and without starts.
+    pub fn of_model(python: &Path, mut model: Value) -> Result<Self> {
+        model["frames"] = json!(0);
+        model["starts"] = json!([]);
+        let mut python = Self::start(python, REFEREE)?;
+        python.ask::<String>(&model)?;
+        Ok(python)
+    }
+
     pub fn ask<A: DeserializeOwned>(&mut self, question: &Value) -> Result<A> {
         // A process that has ended left its error on standard output.
         let _ = writeln!(self.input, "{question}");
         let mut line = String::new();
         self.output.read_line(&mut line).context("cannot hear MuJoCo")?;
         match serde_json::from_str(&line) {
-            Ok(Said::Error { error }) => bail!(error.split_whitespace().collect::<Vec<_>>().join(" ")),
+            Ok(Said::Error { error }) => bail!(error.split_whitespace().join(" ")),
             Ok(Said::Answer { answer }) => Ok(answer),
             Err(_) => bail!("the Python of MuJoCo ended without an answer"),
         }

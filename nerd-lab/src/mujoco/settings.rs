@@ -4,7 +4,7 @@ use crate::prelude::*;
 
 /// Settings of a run. Contact parameters are of contacts with the world that occurred, as `[lowest, highest]`; empty
 /// without contact.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Settings {
     /// Time step (s).
     pub timestep: f64,
@@ -32,7 +32,8 @@ pub struct Settings {
 impl Settings {
     /// Differences from other settings, each with both values.
     pub fn differences(&self, other: &Self) -> Vec<String> {
-        let (mine, theirs) = (self.words(), other.words());
+        let mine = self.words();
+        let theirs = other.words();
         let pairs = mine.into_iter().zip(theirs).filter(|(a, b)| a != b);
         pairs.map(|((word, a), (_, b))| format!("{word} {a} and {b}")).collect()
     }
@@ -44,30 +45,26 @@ impl Settings {
 
     fn words(&self) -> [(&'static str, String); 13] {
         let bounds = |all: &[[f64; 2]]| {
-            let each = all.iter().map(|[low, high]| {
-                if low == high { number(*low) } else { format!("{} to {}", number(*low), number(*high)) }
-            });
-            let text = each.collect::<Vec<_>>().join(", ");
-            if text.is_empty() { "-".into() } else { text }
+            all.iter().map(|[low, high]| [low, high].into_iter().dedup().map(|x| number(*x)).join(" to ")).join(", ")
         };
-        let dimensions = self.condim.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
         let armature = self.armature.iter().fold([f64::INFINITY, 0.0f64], |[low, high], x| [low.min(*x), high.max(*x)]);
         let armature = if self.armature.is_empty() { Vec::new() } else { vec![armature] };
-        [
+        let words = [
             ("timestep (s)", number(self.timestep)),
             ("integrator", self.integrator.clone()),
             ("cone", self.cone.clone()),
             ("solver", self.solver.clone()),
             ("impratio", number(self.impratio)),
             ("gravity", self.gravity.map(number).join(" ")),
-            ("condim", if dimensions.is_empty() { "-".into() } else { dimensions }),
+            ("condim", self.condim.iter().join(", ")),
             ("friction", bounds(&self.friction)),
             ("solref", bounds(&self.solref)),
             ("solimp", bounds(&self.solimp)),
             ("armature", bounds(&armature)),
             ("control", self.control.clone()),
             ("self-contact", if self.self_contact { "yes" } else { "no" }.into()),
-        ]
+        ];
+        words.map(|(word, text)| (word, if text.is_empty() { "-".into() } else { text }))
     }
 }
 

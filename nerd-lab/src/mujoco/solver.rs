@@ -4,7 +4,7 @@
 use nerd_sim::solver::{Fault, check, commit};
 use serde_json::json;
 
-use super::referee::{Python, REFEREE, Scheme, from_mujoco, to_mujoco};
+use super::referee::{Python, Scheme, all_to_mujoco, from_mujoco};
 use crate::prelude::*;
 
 /// One MuJoCo model for all environments of a batch: the same scene, no drives.
@@ -21,36 +21,36 @@ impl Mujoco {
     }
 
     fn start(&mut self, batch: &Batch) -> Result<&mut Python> {
-        let (system, scene) = (&batch.system, &batch.scenes[0]);
+        let system = &batch.system;
+        let scene = &batch.scenes[0];
         if batch.scenes.iter().any(|own| !Arc::ptr_eq(own, scene))
             || (0..batch.len()).any(|env| !batch.driven(env).is_empty())
         {
             bail!("MuJoCo steps one scene for all, without drives");
         }
         if !self.world.as_ref().is_some_and(|(own, at, _)| Arc::ptr_eq(own, system) && Arc::ptr_eq(at, scene)) {
-            let mut python = Python::start(&self.python, REFEREE)?;
             let mjcf = nerd_sim::mjcf::mjcf(system, scene, &[])?;
-            python
-                .ask::<String>(&json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": 0, "starts": [] }))?;
+            let model = json!({ "mjcf": mjcf, "frame_time": system.frame_time });
+            let python = Python::of_model(&self.python, model)?;
             self.world = Some((system.clone(), scene.clone(), python));
         }
         Ok(&mut self.world.as_mut().context("it has just been made")?.2)
     }
 
     fn ask(&mut self, batch: &Batch, torques: &[f64]) -> Result<Vec<Option<Vec<f64>>>> {
-        let (robot, substeps) = (&batch.system.robot, self.substeps);
-        let states: Vec<_> = (0..batch.len()).map(|env| to_mujoco(robot, batch.state(env))).collect();
+        let robot = &batch.system.robot;
+        let substeps = self.substeps;
         let force = |own: &[f64]| [vec![0.0; robot.root_dofs()], own.to_vec()].concat();
-        let forces: Vec<_> =
-            (0..batch.len()).map(|env| force(&torques[env * robot.joint_count()..][..robot.joint_count()])).collect();
-        let asked =
-            json!({ "move": states, "forces": forces, "substeps": substeps, "integrator": Scheme::ImplicitFast });
+        let forces = (0..batch.len())
+            .map(|env| force(&torques[env * robot.joint_count()..][..robot.joint_count()]))
+            .collect_vec();
+        let asked = json!({ "move": all_to_mujoco(batch), "forces": forces, "substeps": substeps, "integrator": Scheme::ImplicitFast });
         self.start(batch)?.ask(&asked)
     }
 }
 
 impl Solver for Mujoco {
-    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         let mut faults = Vec::new();
         check(batch, torques, &mut faults)?;
         let answers = self.ask(batch, torques).map_err(|error| StepError::Refused(format!("{error:#}")))?;
@@ -62,7 +62,8 @@ impl Solver for Mujoco {
 
 /// Stores MuJoCo's state of an environment in `states`; without a state, adds a fault.
 pub(super) fn take(batch: &Batch, env: usize, state: Option<Vec<f64>>, states: &mut [f64], faults: &mut Vec<Fault>) {
-    let (robot, d) = (&batch.system.robot, batch.system.robot.state_dim());
+    let robot = &batch.system.robot;
+    let d = batch.system.robot.state_dim();
     match state {
         Some(state) => states[env * d..][..d].copy_from_slice(&from_mujoco(robot, &state)),
         None => faults.push(Fault { env, frame: batch.frames[env], reason: "MuJoCo gave it up".into() }),

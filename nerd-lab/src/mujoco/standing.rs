@@ -2,7 +2,7 @@
 
 use serde_json::json;
 
-use super::referee::{Python, REFEREE, from_mujoco, to_mujoco};
+use super::referee::{Python, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 /// Time step of MuJoCo (s).
@@ -19,9 +19,8 @@ pub fn stand(
     seconds: f64,
 ) -> Result<Vec<f64>> {
     let robot = &system.robot;
-    let mut python = Python::start(python, REFEREE)?;
-    python.ask::<String>(&json!({ "frame_time": STEP, "frames": 0, "starts": [], "path": path, "floor": true }))?;
-    let of = |number: fn(&Drive) -> f64| drives.iter().map(number).collect::<Vec<_>>();
+    let mut python = Python::of_model(python, json!({ "frame_time": STEP, "path": path, "floor": true }))?;
+    let of = |number: fn(&Drive) -> f64| drives.iter().map(number).collect_vec();
     let asked = json!({
         "stand": to_mujoco(robot, state), "kp": of(|d| d.kp), "kd": of(|d| d.kd), "target": of(|d| d.target), "steps": (seconds / STEP).round(),
     });

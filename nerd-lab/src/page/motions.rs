@@ -20,7 +20,7 @@ fn model_and_truth(system: &Arc<System>, model: &Path) -> Result<[(String, Box<d
 }
 
 /// What moves the robot of a replay.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 pub enum Cause {
     /// Nothing: passive motion in this scene.
     Release(&'static str),
@@ -87,7 +87,7 @@ pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Re
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);
     let system = named(&config.task)?.system()?;
-    let mut replay: Option<Replay> = None;
+    let mut replay = None;
     for (name, solver) in model_and_truth(&system, model)? {
         let task = named(&config.task)?;
         let batch = Batch::new(&system, &system.scene(task.scene())?, 1);

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nerd_suite::{Cell, Line, Verdict};
+use nerd_suite::{Cell, Line};
 use nerd_train::replay::{Replay, escape};
 
 use super::html::{Section, card, folded, from, picture, result, table};
@@ -75,14 +75,8 @@ pub fn stability(manifest: &Manifest, results: &Path) -> Section {
 
 fn row(line: &Line) -> String {
     let cell = |c: &Cell| {
-        let class = match c.verdict {
-            Verdict::Pass => "pass",
-            Verdict::Degraded => "degraded",
-            Verdict::Fail => "fail",
-            Verdict::Unasked => "unasked",
-        };
         let lost = if c.lost.is_some() { " lost" } else { "" };
-        format!("<td class={class}>{}{lost}</td>", or_dash(c.figure.map(digits)))
+        format!("<td class={}>{}{lost}</td>", c.verdict, or_dash(c.figure.map(digits)))
     };
     let cells: String = line.cells.iter().map(cell).collect();
     let why = escape(&format!("{}. {} {}", line.asked(), line.why, line.source));
@@ -104,7 +98,8 @@ pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
 /// Every result with its tables, status and provenance.
 pub fn everything(manifest: &Manifest, results: &Path) -> Section {
     let one = |entry: &Entry| {
-        let (status, found) = (entry.status(results), Artifact::read(results, &entry.name));
+        let status = entry.status(results);
+        let found = Artifact::read(results, &entry.name);
         let tables: String = found.iter().flat_map(|found| &found.tables).map(table).collect();
         let origin: String = found.iter().map(|found| from(&entry.name, &found.provenance)).collect();
         let colour = if status.holds() { "better" } else { "worse" };

@@ -3,12 +3,12 @@
 use nerd_train::{shipped::results, words::markdown};
 use serde_json::{Map, Value};
 
-use super::{Provenance, read_json, write_json};
+use super::{Provenance, names, read_json, write_json};
 use crate::prelude::*;
 use nerd_sim::files::{has_keys, unclaimed};
 
 /// A result. In JSON the data lie beside the other fields.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Artifact {
     pub provenance: Provenance,
     #[serde(default)]
@@ -47,7 +47,7 @@ impl Artifact {
         // Written first: it marks the folder as ours.
         write_json(&path, self)?;
         if !self.tables.is_empty() {
-            let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
+            let tables = self.tables.iter().map(Table::markdown).collect_vec();
             write(
                 &path.with_file_name("README.md"),
                 format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes(),
@@ -69,9 +69,8 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     }
     let Ok(there) = Artifact::read(folder, name) else {
         let own = folder.join(name);
-        let there = std::fs::read_dir(&own).into_iter().flatten().flatten().map(|entry| entry.file_name());
-        let there: Vec<String> = there.filter_map(|name| name.into_string().ok()).collect();
-        let names: Vec<&str> = there.iter().map(String::as_str).filter(|name| !name.starts_with('.')).collect();
+        let there = names(&own);
+        let names = there.iter().map(String::as_str).filter(|name| !name.starts_with('.')).collect_vec();
         return unclaimed(&own, &names, || has_keys(&path, &["provenance", "inputs"])).context("--out");
     };
     if effort < there.effort {
@@ -91,7 +90,7 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
 }
 
 /// Rows under a header. Cells are text for readers; the numbers are in the artefact's data.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Table {
     /// One word; documents refer to the table by it.
     pub name: String,
@@ -104,25 +103,32 @@ pub struct Table {
 }
 
 impl Table {
-    pub fn new(name: &str, header: &[&str]) -> Self {
-        Self { name: name.into(), header: header.iter().map(ToString::to_string).collect(), ..Self::default() }
+    pub fn new(name: &str, header: impl IntoIterator<Item = impl ToString>) -> Self {
+        let header = header.into_iter().map(|column| column.to_string()).collect();
+        Self { name: name.into(), header, ..Self::default() }
     }
 
     /// Sets the rows; characters that would end a cell or a line are replaced.
-    pub fn with(mut self, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
-        let cell = |text: String| text.replace('|', "/").split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
+    pub fn with(mut self, rows: impl IntoIterator<Item: IntoIterator<Item = String>>) -> Self {
+        let cell = |text: String| text.replace('|', "/").split('\n').map(str::trim).join(" ");
         self.rows = rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect();
         self
     }
 
-    pub fn noted(mut self, note: &str) -> Self {
+    /// Adds a column with a cell for each row.
+    pub fn column(&mut self, name: &str, cells: impl Iterator<Item = String>) {
+        self.header.push(name.into());
+        self.rows.iter_mut().zip(cells).for_each(|(row, cell)| row.push(cell));
+    }
+
+    pub fn noted(mut self, note: impl Into<String>) -> Self {
         self.note = note.into();
         self
     }
 
     /// An aligned Markdown table with its note below.
     pub fn markdown(&self) -> String {
-        let header: Vec<&str> = self.header.iter().map(String::as_str).collect();
+        let header = self.header.iter().map(String::as_str).collect_vec();
         let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
         markdown(&header, &self.rows) + &note
     }
@@ -132,7 +138,7 @@ impl Table {
     /// `under 0.01`, makes its whole column text.
     pub fn json(&self) -> Value {
         let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
-        let counts: Vec<bool> = (0..self.header.len()).map(counts).collect();
+        let counts = (0..self.header.len()).map(counts).collect_vec();
         let cell = |cell: &String, counts: bool| match numbers(cell) {
             _ if !counts => cell.clone().into(),
             Some(one) if one.len() == 1 => one[0].into(),

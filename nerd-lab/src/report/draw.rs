@@ -31,7 +31,7 @@ const UNNAMED: RGBColor = RGBColor(190, 190, 190);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b, X, Y> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, Y>>;
-type Drawn = std::result::Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>>;
+type Drawn = Result<(), DrawingAreaErrorKind<<SVGBackend<'static> as DrawingBackend>::ErrorType>>;
 
 impl Figure {
     pub fn save(&self, path: &Path) -> Result<()> {
@@ -72,7 +72,8 @@ impl Figure {
 fn draw_legend(area: &Area, names: &[&str], width: u32) -> Drawn {
     let lines = names.len().div_ceil(2);
     for (k, name) in names.iter().enumerate() {
-        let (x, y) = (60 + (k / lines) as i32 * (width as i32 / 2 - 30), (k % lines) as i32 * LEGEND_LINE as i32 + 8);
+        let x = 60 + (k / lines) as i32 * (width as i32 / 2 - 30);
+        let y = (k % lines) as i32 * LEGEND_LINE as i32 + 8;
         area.draw(&Circle::new((x, y), 5, colour(names, name).filled()))?;
         area.draw(&Text::new(name.to_string(), (x + 14, y - 5), FONT))?;
     }
@@ -140,13 +141,10 @@ impl Panel {
             let shown = || series.points.iter().filter(|p| self.x.shows(p.x) && self.y.shows(p.y));
             let points = shown().map(|p| (p.x, p.y));
             let width = if series.name.is_empty() { 5 } else { 2 };
-            match series.style {
-                Style::Line | Style::Marked => {
-                    chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?;
-                }
-                Style::Dashed => {
-                    chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?;
-                }
+            if series.style == Style::Dashed {
+                chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?;
+            } else {
+                chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?;
             }
             if series.style == Style::Marked {
                 for point in shown() {

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use itertools::Itertools;
+
 #[derive(Clone, Debug, Default)]
 pub struct Figure {
     pub title: String,
@@ -65,6 +67,10 @@ impl Figure {
         Self { title, columns: 1, panels: vec![panel] }
     }
 
+    pub fn lines(title: String, [x, y]: [Axis; 2], series: Vec<Series>) -> Self {
+        Self::single(title, Panel { x, y, series, ..Panel::default() })
+    }
+
     /// Error against cost, with the labels of both axes. Each series is a line; a staircase connects the front.
     pub fn speed<'a>(
         title: String,
@@ -90,13 +96,8 @@ impl Figure {
 
     /// Distinct names of series, for the legend.
     pub(super) fn names(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = Vec::new();
-        for series in self.panels.iter().flat_map(|p| &p.series) {
-            if !series.name.is_empty() && !names.contains(&series.name.as_str()) {
-                names.push(&series.name);
-            }
-        }
-        names
+        let names = self.panels.iter().flat_map(|panel| &panel.series).map(|series| series.name.as_str());
+        names.filter(|name| !name.is_empty()).unique().collect()
     }
 }
 

@@ -104,6 +104,11 @@ impl Inputs {
         }
     }
 
+    /// With the models in these folders.
+    pub fn models(&mut self, folders: &[PathBuf]) -> Result<()> {
+        folders.iter().try_for_each(|folder| Input::model(folder).map(|model| self.add(model)))
+    }
+
     /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as
     /// [`System::named`] knows it.
     pub fn solver(&mut self, spec: &SolverSpec, robot: &str, scene: &str) -> Result<()> {
@@ -115,12 +120,11 @@ impl Inputs {
     }
 
     pub fn changed(&self) -> Vec<String> {
-        let changed = self.0.iter().filter_map(|then| match then.now() {
-            Ok(None) => None,
-            Ok(Some(now)) => (!then.same(&now)).then(|| then.name()),
+        let changed = |then: &Input| match then.now() {
+            Ok(now) => now.filter(|now| !then.same(now)).map(|_| then.name()),
             Err(e) => Some(format!("{} ({e})", then.name())),
-        });
-        changed.collect()
+        };
+        self.0.iter().filter_map(changed).collect()
     }
 }
 

@@ -1,17 +1,18 @@
 //! `results/manifest.toml`: every result with its command, and whether the result still holds.
 
 use super::artifact::{Artifact, file};
+use super::names;
 use crate::prelude::*;
 
 use crate::error;
 
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
     pub artefact: Vec<Entry>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
     pub name: String,
@@ -63,30 +64,26 @@ impl Manifest {
         let path = folder.join("manifest.toml");
         let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
         let manifest: Self = toml::from_str(&text).map_err(|e| error::file(&path)(e.to_string().replace('\n', " ")))?;
-        let names: Vec<String> = manifest.artefact.iter().map(|entry| entry.name.clone()).collect();
+        let names = manifest.artefact.iter().map(|entry| entry.name.clone()).collect_vec();
         bounds::once(&path.display().to_string(), &names)?;
         Ok(manifest)
     }
 
     /// Results in the folder that the manifest does not list.
     pub fn strangers(&self, folder: &Path) -> Vec<String> {
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        let names = entries
-            .map(|entry| entry.file_name().to_string_lossy().into_owned())
-            .filter(|name| file(folder, name).exists());
-        let mut strangers: Vec<String> =
-            names.filter(|name| self.artefact.iter().all(|entry| entry.name != *name)).collect();
-        strangers.sort();
-        strangers
+        let listed = |name: &String| self.artefact.iter().any(|entry| entry.name == *name);
+        names(folder).into_iter().filter(|name| file(folder, name).exists() && !listed(name)).sorted().collect()
     }
 }
 
 impl Entry {
     pub fn status(&self, folder: &Path) -> Status {
         let wrong = |reason: &str| Status::Wrong(reason.into());
+        if !file(folder, &self.name).exists() {
+            return wrong("missing");
+        }
         let Artifact { provenance: from, inputs, .. } = match Artifact::read(folder, &self.name) {
             Ok(result) => result,
-            Err(_) if !file(folder, &self.name).exists() => return wrong("missing"),
             Err(e) => return wrong(&e.to_string()),
         };
         let command = plain(&from.command);
@@ -116,14 +113,8 @@ impl Entry {
 fn plain(command: &str) -> String {
     let called =
         ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));
-    let mut words = called.unwrap_or(command).split_whitespace();
-    let mut kept = Vec::new();
-    while let Some(word) = words.next() {
-        match word {
-            "--out" => drop(words.next()),
-            "--json" => {}
-            _ => kept.push(word),
-        }
-    }
-    kept.join(" ")
+    let words = called.unwrap_or(command).split_whitespace().collect_vec();
+    let kept = words.iter().zip(std::iter::once(&"").chain(&words));
+    let kept = kept.filter(|&(word, before)| !["--out", "--json"].contains(word) && *before != "--out");
+    kept.map(|(word, _)| word).join(" ")
 }

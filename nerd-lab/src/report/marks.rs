@@ -11,14 +11,9 @@ use serde_json::Value;
 
 use super::{artifact::Artifact, below};
 use crate::prelude::*;
-use nerd_train::words::digits;
-
-use crate::error;
-
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
 const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
 
-#[derive(Debug)]
 pub struct Marks {
     folder: PathBuf,
     read: BTreeMap<String, (Artifact, Value)>,
@@ -38,8 +33,7 @@ impl Marks {
     fn result(&mut self, name: &str) -> Result<&(Artifact, Value)> {
         if !self.read.contains_key(name) {
             let head = Artifact::read(&self.folder, name)?;
-            let path = self.folder.join(name);
-            let whole = serde_json::to_value(&head).map_err(error::file(&path))?;
+            let whole = serde_json::to_value(&head)?;
             self.read.insert(name.into(), (head, whole));
         }
         Ok(&self.read[name])
@@ -57,14 +51,15 @@ impl Marks {
     }
 
     fn table(&mut self, mark: &str) -> Result<String> {
-        let words: Vec<&str> = mark.split_whitespace().collect();
-        let [name, table] = words[..] else { bail!("`{mark}`: a result and one of its tables are needed") };
+        let Some((name, table)) = mark.split_whitespace().collect_tuple() else {
+            bail!("`{mark}`: a result and one of its tables are needed")
+        };
         let (head, _) = self.result(name)?;
         match head.table(table) {
             Some(table) => Ok(format!("\n{}", table.markdown())),
             None => {
-                let known: Vec<&str> = head.tables.iter().map(|t| t.name.as_str()).collect();
-                bail!("`{mark}`: results/{name}/result.json has no such table, but {}", known.join(", "))
+                let known = head.tables.iter().map(|t| &t.name).join(", ");
+                bail!("`{mark}`: results/{name}/result.json has no such table, but {known}")
             }
         }
     }
@@ -72,7 +67,8 @@ impl Marks {
 
 /// Replaces the text between `open MARK -->` and `close` by `fill(MARK)`.
 fn between(text: &str, (open, close): (&str, &str), mut fill: impl FnMut(&str) -> Result<String>) -> Result<String> {
-    let (mut done, mut rest) = (String::new(), text);
+    let mut done = String::new();
+    let mut rest = text;
     while let Some(at) = rest.find(open) {
         let (before, after) = rest.split_at(at);
         let end = after.find("-->").zip(after.find(close)).filter(|(a, b)| a < b);
@@ -99,7 +95,8 @@ pub fn documents(root: &Path) -> Vec<PathBuf> {
 /// Decimal numbers of a document, with their lines, outside marks, code and links: their source is unknown.
 pub fn unmarked(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
-    let (mut fenced, mut table) = (false, false);
+    let mut fenced = false;
+    let mut table = false;
     for (number, line) in text.lines().enumerate() {
         if line.trim_start().starts_with("```") {
             fenced = !fenced;

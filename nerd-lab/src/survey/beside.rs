@@ -89,10 +89,7 @@ pub fn beside(files: &[Found], python: &Path) -> Table {
             Beside::of(found, &system, python, why)
         })
     };
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| ()));
     let all = each(files, one);
-    std::panic::set_hook(hook);
     let read = || all.iter().flatten();
     let note = format!(
         "{} files: {} load; of {} masses, friction, margins and what touches what are MuJoCo's, of {} accelerations, too. Largest difference of \
@@ -111,7 +108,7 @@ pub fn beside(files: &[Found], python: &Path) -> Table {
     let rows = files.iter().zip(&all).map(|(found, one)| {
         let (gap, sizes, height, verdict) = match one {
             Ok(one) => (
-                one.apart.as_ref().map_or("-".into(), |gap| format!("{gap:.1e}")),
+                or_dash(one.apart.as_ref().ok().map(|gap| format!("{gap:.1e}"))),
                 one.sizes,
                 one.height(),
                 one.verdict(),
@@ -119,9 +116,9 @@ pub fn beside(files: &[Found], python: &Path) -> Table {
             Err(reason) => ("-".into(), None, "-".into(), format!("refused: {reason}")),
         };
         let sizes = sizes.map_or(["-"; 2].map(String::from), |sizes| sizes.map(|n| n.to_string()));
-        [found.name.clone(), gap].into_iter().chain(sizes).chain([height, verdict]).collect()
+        [found.name.clone(), gap].into_iter().chain(sizes).chain([height, verdict])
     });
     let header =
         ["file", "accelerations apart from MuJoCo's", "moving bodies", "pairs", "higher (mm), turned", "beside MuJoCo"];
-    Table::new("beside_mujoco", &header).with(rows).noted(&note)
+    Table::new("beside_mujoco", header).with(rows).noted(note)
 }

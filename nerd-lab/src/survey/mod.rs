@@ -19,15 +19,11 @@ use robot::FRAMES;
 pub use robot::{Found, Sizes, Surveyed, find, survey};
 pub use stand::verdict;
 
-use crate::prelude::*;
+use crate::{panics::silent, prelude::*};
 
 /// Reads and rolls out each file, a line each; with the notes of a single robot.
 pub fn read(files: &[Found]) -> (Table, Vec<String>) {
-    // A panic becomes a line of the table; printing it would break the progress bar.
-    let hook = std::panic::take_hook();
-    std::panic::set_hook(Box::new(|_| ()));
     let robots = each(files, survey);
-    std::panic::set_hook(hook);
     let header = ["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"];
     let sum = format!(
         "{} files: {} move on a fixed base, {} on a floating one. `ok`: {FRAMES} frames from zero coordinates under gravity, \
@@ -37,7 +33,7 @@ pub fn read(files: &[Found]) -> (Table, Vec<String>) {
         robots.iter().filter(|r| r.fixed.is_ok()).count(),
         robots.iter().filter(|r| r.floating.is_ok()).count()
     );
-    let table = Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum);
+    let table = Table::new("urdfs", header).with(robots.iter().map(row)).noted(sum);
     (table, if let [robot] = &robots[..] { robot.notes.clone() } else { Vec::new() })
 }
 
@@ -56,13 +52,10 @@ fn row(robot: &Surveyed) -> Vec<String> {
     [robot.name.clone()].into_iter().chain(sizes).chain([found(&robot.fixed), floating]).collect()
 }
 
-fn each<T>(files: &[Found], mut of: impl FnMut(&Found) -> T) -> Vec<T> {
+/// What `of` makes of each file; a panic is a line of the table.
+fn each<T>(files: &[Found], of: impl FnMut(&Found) -> T) -> Vec<T> {
     let bar = bar("robots", files.len() as u64);
-    let one = |(k, file)| {
-        bar.set(k as u64);
-        of(file)
-    };
-    let all = files.iter().enumerate().map(one).collect();
+    let all = silent(|| files.iter().map(of).inspect(|_| bar.add(1)).collect());
     bar.finish();
     all
 }

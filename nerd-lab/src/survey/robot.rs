@@ -1,10 +1,8 @@
 //! Robot files: their contents, and whether the robot moves.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
-
 use nerd_sim::mjcf::is_mjcf;
 
-use crate::{prelude::*, roll::rolled};
+use crate::{panics, prelude::*, roll::rolled};
 
 pub(super) const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, then more for stiff joint damping on light links.
@@ -57,11 +55,7 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
 
 /// Runs `of`; a panic becomes an error that asks for a report.
 pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
-    catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
-        let said =
-            panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
-        Err(format!("panic, please report: {}", said.unwrap_or_default().replace('\n', " ")))
-    })
+    panics::caught(of).map_err(|said| format!("panic, please report: {}", said.replace('\n', " "))).flatten()
 }
 
 /// Degrees of freedom above which drives force the implicit step along the tree; by its matrix, a chain of a thousand
@@ -77,7 +71,8 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
             contact_substeps: substeps,
             ..ArticulatedConfig::converged(Friction::Coulomb)
         };
-        let (mut solver, mut batch) = (Articulated::new(config), Batch::new(&system, &scene, 1));
+        let mut solver = Articulated::new(config);
+        let mut batch = Batch::new(&system, &scene, 1);
         // Drives need the implicit step; these have no effect.
         let idle = if system.robot.nv() > DEEP { system.robot.joint_count() } else { 0 };
         batch.drives = vec![Drive::default(); idle];
@@ -102,19 +97,16 @@ pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
 }
 
 fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
-    let inside = if path.is_dir() {
-        std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>).ok()
-    } else {
-        None
-    };
-    let Some(mut inside) = inside else {
+    // An unreadable folder is listed as a file.
+    let Ok(mut inside) = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>) else {
         files.push(Found { path: path.into(), name: path.strip_prefix(above).unwrap_or(path).display().to_string() });
         return;
     };
     inside.sort_by_key(std::fs::DirEntry::file_name);
     for entry in inside {
         // A link may lead back up.
-        let (path, kind) = (entry.path(), entry.file_type());
+        let path = entry.path();
+        let kind = entry.file_type();
         let robot = || match path.extension().and_then(|ending| ending.to_str()) {
             Some("urdf") => true,
             Some("xml") => text(&path).is_ok_and(|text| is_mjcf(&text)),

@@ -34,8 +34,8 @@ pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: 
     let small = robot.nv() <= MOST && robot.floating() && !robot.contact_points.is_empty();
     small.then(|| {
         let state = set_down(system);
-        let drives: Vec<_> =
-            holding(system, &state).into_iter().map(|drive| Drive { effort: f64::INFINITY, ..drive }).collect();
+        let drives =
+            holding(system, &state).into_iter().map(|drive| Drive { effort: f64::INFINITY, ..drive }).collect_vec();
         let theirs = stood(python, path, system, &state, &drives, seconds)?;
         let scene = system.scene(if system.all_scenes().contains(&GROUND) { GROUND } else { "plane" })?;
         let [_, ours] = rolls(system, &scene, &state, &drives, (seconds / system.frame_time).round() as usize)?;
@@ -49,7 +49,8 @@ pub fn verdict(system: &Arc<System>, seconds: f64) -> String {
 }
 
 fn tried(system: &Arc<System>, seconds: f64) -> Result<String> {
-    let (robot, state) = (&system.robot, set_down(system));
+    let robot = &system.robot;
+    let state = set_down(system);
     if robot.nv() > MOST {
         return Ok(format!(
             "whether it stands is not tried: with {} degrees of freedom a second of simulation takes long",
@@ -81,7 +82,8 @@ fn rolls(
     drives: &[Drive],
     frames: usize,
 ) -> Result<[Vec<f64>; 2]> {
-    let (mut batch, mut solver) = (Batch::new(system, scene, 1), Articulated::new(ArticulatedConfig::accurate(system)));
+    let mut batch = Batch::new(system, scene, 1);
+    let mut solver = Articulated::new(ArticulatedConfig::accurate(system));
     batch.reset(0, state);
     batch.drives = drives.to_vec();
     let before = rolled(batch, &mut solver, frames - 1)?;
@@ -91,7 +93,8 @@ fn rolls(
 
 /// Height of the lowest contact point (m).
 fn lowest(system: &System, state: &[f64]) -> f64 {
-    let (robot, mut data) = (&system.robot, Data::new(&system.robot));
+    let robot = &system.robot;
+    let mut data = Data::new(&system.robot);
     kinematics(robot, state, &mut data);
     let heights = robot.contact_points.iter().map(|p| foot(p, &data, &up(&system.gravity())));
     heights.fold(f64::INFINITY, f64::min)
@@ -100,7 +103,8 @@ fn lowest(system: &System, state: &[f64]) -> f64 {
 /// Whether it stands, falls, moves or hangs still, with figures of the last frame.
 fn ended(system: &System, start: &[f64], [before, last]: &[Vec<f64>; 2]) -> String {
     let robot = &system.robot;
-    let (coords, rates) = (robot.root_coords(), robot.nq() + robot.root_dofs());
+    let coords = robot.root_coords();
+    let rates = robot.nq() + robot.root_dofs();
     let unit =
         |k: usize| if robot.joints().nth(k).is_some_and(|j| j.kind == JointKind::Prismatic) { "m" } else { "rad" };
     let name = |k: usize| robot.joints().nth(k).map_or("", |joint| &joint.name);

@@ -2,8 +2,6 @@
 //! rest and sliding on a slope.
 
 use super::*;
-use crate::trial::rise;
-use rand::RngExt;
 
 /// Frame times (s) of the sweep, and duration (s) of each fall.
 const STEPS: [f64; 5] = [1.0 / 240.0, 1.0 / 60.0, 0.05, 0.1, 0.25];
@@ -23,49 +21,61 @@ const MINUTE: f64 = 60.0;
 /// Inclination of a cube that slides, as a multiple of its friction angle.
 const STEEP: f64 = 1.3;
 
-pub(super) static ROWS: [Row; 6] = [
-    Row::new(
+pub(super) const ROWS: &[Row] = &[
+    row(
         "long steps",
         "largest gain, six robots fall limp, frames of 1/240 to 1/4 s",
         "of the start's energy",
         1e-3,
+        "contact, limits and joints are passive",
+        "A frame may be as long as a user has it: what it is too long for must be lost, not invented.",
         sweep,
-    )
-    .source("contact, limits and joints are passive")
-    .why("A frame may be as long as a user has it: what it is too long for must be lost, not invented."),
-    Row::new(
+    ),
+    row(
         "tosses",
         "largest gain, coin, rod and box tossed at 60 rad/s, 3 s",
         "of the start's energy",
         1e-3,
+        "contact is passive",
+        "Thin edges meet the ground fast and at a slant: there springs give back more than they took.",
         tosses,
-    )
-    .source("contact is passive")
-    .why("Thin edges meet the ground fast and at a slant: there springs give back more than they took."),
-    Row::new(
+    ),
+    row(
         "fast spin",
         "largest change of energy, box at 200 rad/s in free flight, 10 s",
         "of the start's energy",
         1e-4,
+        "energy is kept in free flight",
+        "A root turns by radians in a frame, and no joint tells.",
         flight,
-    )
-    .source("energy is kept in free flight")
-    .why("A root turns by radians in a frame, and no joint tells."),
-    Row::new(
+    ),
+    row(
         "clapping chain",
         "largest gain, five rods that meet each other, no gravity, 3 s",
         "of the start's energy",
         1e-3,
+        "contact is passive",
+        "Links of one robot meet at joint angles that no ground explains.",
         chain,
-    )
-    .source("contact is passive")
-    .why("Links of one robot meet at joint angles that no ground explains."),
-    Row::new("creep", "way of a cube at 60 % of its friction angle in a minute", "m", 1e-4, creep)
-        .source("Coulomb's law: what is held does not move; 1e-4 m is a hair's width")
-        .why("A foot that stands, or a grasp that holds, must not slip away."),
-    Row::new("break-away", "way of a cube at 1.3 times its friction angle in 2 s from rest", "relative", 0.02, slide)
-        .source("Coulomb's law, g (sin a - mu cos a) t^2 / 2; 2 % of Newton's tests")
-        .why("Friction that sticks must let go: beyond its cone it is a force alone."),
+    ),
+    row(
+        "creep",
+        "way of a cube at 60 % of its friction angle in a minute",
+        "m",
+        1e-4,
+        "Coulomb's law: what is held does not move; 1e-4 m is a hair's width",
+        "A foot that stands, or a grasp that holds, must not slip away.",
+        creep,
+    ),
+    row(
+        "break-away",
+        "way of a cube at 1.3 times its friction angle in 2 s from rest",
+        "relative",
+        0.02,
+        "Coulomb's law, g (sin a - mu cos a) t^2 / 2; 2 % of Newton's tests",
+        "Friction that sticks must let go: beyond its cone it is a force alone.",
+        slide,
+    ),
 ];
 
 /// Largest gain of energy (springs included) relative to the start's kinetic, spring and fall energy. Returns 1 if no
@@ -76,61 +86,56 @@ fn gain(trial: &Trial, motion: &Motion, height: f64) -> f64 {
     if !motion.states.iter().any(moved) {
         return 1.0;
     }
-    let (totals, stored) = (motion.totals(), motion.stored());
+    let totals = motion.totals();
+    let stored = motion.stored();
     let size = totals[0].kinetic + stored[0] + totals[0].mass * GRAVITY * height;
     let energies = motion.energies();
     if trial.method.rigid {
-        return energies.iter().fold(0.0, |most: f64, e| most.max(e - energies[0])) / size;
+        return most(energies.iter().map(|e| e - energies[0])) / size;
     }
     rise(energies.iter().zip(&stored).map(|(e, s)| e + s)) / size
 }
 
-fn sweep(trial: &Trial) -> Result<f64, Error> {
-    let mut worst = 0.0f64;
-    for (name, scene) in ROBOTS {
-        for time in STEPS {
-            let mut system = (*trial.robot(name)?).clone();
-            system.frame_time = time;
-            let system = Arc::new(system);
-            for seed in 0..2 {
-                let mut state = start(&system, Start::Reset, &mut stream(31, seed));
-                // A balanced robot, or one without weight, would otherwise stay in place.
-                let rates = state[system.robot.nq() + system.robot.root_dofs()..].iter_mut();
-                rates.enumerate().for_each(|(k, rate)| *rate = if k % 2 == 0 { 2.0 } else { -2.0 });
-                if system.robot.floating() {
-                    state[2] += 0.2;
-                }
-                let motion = trial.passive(&system, scene, &state, (FALL / time) as usize)?;
-                worst = worst.max(gain(trial, &motion, 0.5));
+fn sweep(trial: &Trial) -> Result<f64> {
+    worst(ROBOTS.into_iter().flat_map(|robot| STEPS.map(|time| (robot, time))), |((name, scene), time)| {
+        let mut system = (*trial.robot(name)?).clone();
+        system.frame_time = time;
+        let system = Arc::new(system);
+        worst(0..2, |seed| {
+            let mut state = start(&system, Start::Reset, &mut stream(31, seed));
+            // A balanced robot, or one without weight, would otherwise stay in place.
+            let rates = state[system.robot.nq() + system.robot.root_dofs()..].iter_mut();
+            rates.zip([2.0, -2.0].into_iter().cycle()).for_each(|(rate, to)| *rate = to);
+            if system.robot.floating() {
+                state[2] += 0.2;
             }
-        }
-    }
-    Ok(worst)
+            Ok(gain(trial, &trial.passive(&system, scene, &state, (FALL / time) as usize)?, 0.5))
+        })
+    })
 }
 
-fn tosses(trial: &Trial) -> Result<f64, Error> {
-    let mut worst = 0.0f64;
+fn tosses(trial: &Trial) -> Result<f64> {
     let shapes = [
         (r#"<cylinder radius="0.05" length="0.01"/>"#, 0.1, [6.3e-5, 6.3e-5, 1.25e-4]),
         (r#"<capsule radius="0.01" length="0.4"/>"#, 0.3, [4e-3, 4e-3, 1.5e-5]),
         (r#"<box size="0.3 0.2 0.05"/>"#, 1.0, [3.5e-3, 7.7e-3, 1.08e-2]),
     ];
-    for (shape, mass, inertia) in shapes {
+    worst(shapes, |(shape, mass, inertia)| {
         let system = Body { shape: shape.into(), mass, inertia, ..Default::default() }.system()?;
-        for seed in 0..8 {
+        worst(0..8, |seed| {
             let mut random = stream(32, seed);
             let mut drawn =
                 |size: f64| (Vector3::from_fn(|_, _| random.random_range(-1.0..1.0f64)).normalize() * size).into();
-            let (w, v, turn) = (drawn(60.0), drawn(2.0), UnitQuaternion::from_scaled_axis(Vector3::from(drawn(2.0))));
-            let motion =
-                trial.passive(&system, "ground", &Body::state([0.0, 0.0, 1.0], turn.coords.into(), w, v), 180)?;
-            worst = worst.max(gain(trial, &motion, 1.0));
-        }
-    }
-    Ok(worst)
+            let w = drawn(60.0);
+            let v = drawn(2.0);
+            let turn = UnitQuaternion::from_scaled_axis(Vector3::from(drawn(2.0)));
+            let start = Body::state([0.0, 0.0, 1.0], turn.coords.into(), w, v);
+            Ok(gain(trial, &trial.passive(&system, "ground", &start, 180)?, 1.0))
+        })
+    })
 }
 
-fn flight(trial: &Trial) -> Result<f64, Error> {
+fn flight(trial: &Trial) -> Result<f64> {
     let body = Body {
         shape: r#"<box size="0.3 0.2 0.05"/>"#.into(),
         inertia: [3.5e-3, 7.7e-3, 1.08e-2],
@@ -138,20 +143,14 @@ fn flight(trial: &Trial) -> Result<f64, Error> {
         ..Default::default()
     };
     let axis = Vector3::new(1.0, 3.0, -2.0).normalize() * 200.0;
-    let motion = trial.passive(
-        &body.system()?,
-        "ground",
-        &Body::state([0.0, 0.0, 100.0], UPRIGHT, axis.into(), [0.0; 3]),
-        600,
-    )?;
+    let start = Body::state([0.0, 0.0, 100.0], UPRIGHT, axis.into(), [0.0; 3]);
+    let motion = trial.passive(&body.system()?, "ground", &start, 600)?;
     let totals = motion.totals();
-    if motion.last()[3..7] == UPRIGHT {
-        return Ok(1.0);
-    }
-    Ok(totals.iter().map(|t| (t.kinetic / totals[0].kinetic - 1.0).abs()).fold(0.0, f64::max))
+    let change = most(totals.iter().map(|t| (t.kinetic / totals[0].kinetic - 1.0).abs()));
+    Ok(if motion.last()[3..7] == UPRIGHT { 1.0 } else { change })
 }
 
-fn chain(trial: &Trial) -> Result<f64, Error> {
+fn chain(trial: &Trial) -> Result<f64> {
     const RODS: usize = 5;
     let rod = |k: usize| {
         format!(
@@ -168,14 +167,14 @@ fn chain(trial: &Trial) -> Result<f64, Error> {
     let parts: String = (0..RODS).map(rod).chain((1..RODS).map(hinge)).collect();
     let toml = "like = \"urdf\"\nfloating = true\nself_collision = true\ngravity = [0.0, 0.0, 0.0]\n";
     let system = Arc::new(System::from_text("chain", &format!("<robot name=\"chain\">{parts}</robot>"), Some(toml))?);
-    let (mut state, nq) = (system.default_state(), system.robot.nq());
-    let rates = state[nq + 6..].iter_mut();
-    rates.enumerate().for_each(|(k, rate)| *rate = [4.0, -3.0, 3.5, -2.0][k % 4]);
+    let mut state = system.default_state();
+    let nq = system.robot.nq();
+    state[nq + 6..].copy_from_slice(&[4.0, -3.0, 3.5, -2.0]);
     Ok(gain(trial, &trial.passive(&system, "free", &state, 180)?, 0.0))
 }
 
 /// States of a cube on a slope with this angle (rad) for `time` (s), released just above its resting position.
-fn leaning(trial: &Trial, angle: f64, time: f64) -> Result<Vec<Vec<f64>>, Error> {
+fn leaning(trial: &Trial, angle: f64, time: f64) -> Result<Vec<Vec<f64>>> {
     let body = Body { slope: angle, ..Default::default() };
     let system = body.system()?;
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
@@ -186,7 +185,7 @@ fn leaning(trial: &Trial, angle: f64, time: f64) -> Result<Vec<Vec<f64>>, Error>
     Ok(trial.passive(&system, "ground", &start, (60.0 * time) as usize)?.states)
 }
 
-fn creep(trial: &Trial) -> Result<f64, Error> {
+fn creep(trial: &Trial) -> Result<f64> {
     let friction = Body::default().material[3];
     let states = leaning(trial, SHARE * friction.atan(), MINUTE)?;
     let [begun, settled, last] = [0, 60, states.len() - 1].map(|k| vector(&states[k]));
@@ -194,8 +193,9 @@ fn creep(trial: &Trial) -> Result<f64, Error> {
     Ok(if (settled - begun).norm() < 5e-4 { 1.0 } else { (last - settled).norm() })
 }
 
-fn slide(trial: &Trial) -> Result<f64, Error> {
-    let (friction, time) = (Body::default().material[3], 2.0);
+fn slide(trial: &Trial) -> Result<f64> {
+    let friction = Body::default().material[3];
+    let time = 2.0;
     let angle = STEEP * friction.atan();
     let states = leaning(trial, angle, time)?;
     let way = vector(&states[states.len() - 1]) - vector(&states[0]);

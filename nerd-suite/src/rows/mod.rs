@@ -11,25 +11,28 @@ mod round;
 mod runner;
 
 use super::bodies::{Body, UPRIGHT};
-use super::row::Row;
-use super::trial::{Error, Motion, Trial};
+use super::figures::{momentum_change, most, pushes, sunk, velocity, worst};
+use super::row::{Row, row};
+use super::trial::{Motion, Result, Trial, limp, rise};
 use nerd_sim::prelude::*;
+use rand::RngExt;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
-    let rolling = rolling::ROWS.iter().chain(&round::ROWS);
-    let contact = contact::LANDING
-        .iter()
-        .chain(&contact::ROWS)
-        .chain(rolling)
-        .chain(&contact::PASSIVE)
-        .chain(&robots::CONSISTENCY);
-    flight::ROWS
-        .iter()
-        .chain(&joints::ROWS)
-        .chain(contact)
-        .chain(&cables::ROWS)
-        .chain(&robots::ROWS)
-        .chain(&runner::ROWS)
-        .chain(&energy::ROWS)
+    [
+        flight::ROWS,
+        joints::ROWS,
+        contact::LANDING,
+        contact::ROWS,
+        rolling::ROWS,
+        round::ROWS,
+        contact::PASSIVE,
+        robots::CONSISTENCY,
+        cables::ROWS,
+        robots::ROWS,
+        runner::ROWS,
+        energy::ROWS,
+    ]
+    .into_iter()
+    .flatten()
 }

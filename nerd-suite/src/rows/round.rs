@@ -4,21 +4,40 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 
-pub(super) static ROWS: [Row; 3] = [
-    Row::new("wheel", "way of a wheel, 1 m/s, 5 s", "relative", 0.01, wheel)
-        .source("rolling without slip does no work")
-        .why("A wheel of a few fixed points is a polygon, which stands after a third of a second."),
-    Row::new("wobbling coin", "rate of precession, 30 degrees, 5 s", "relative", 0.01, coin)
-        .source("W^2 = 4 g / (R sin a), more exactly with the coin's thickness")
-        .why("The touching place runs round the rim: friction that is off by half a substep drives the coin."),
-    Row::new("leaning can", "lean of a can let go short of its edge and beyond", "rad", 0.01, can)
-        .source("it tips beyond atan(2 R / L)")
-        .why("Three points a rim are as stiff in all directions, so that a can stands still and lies flat."),
+pub(super) const ROWS: &[Row] = &[
+    row(
+        "wheel",
+        "way of a wheel, 1 m/s, 5 s",
+        "relative",
+        0.01,
+        "rolling without slip does no work",
+        "A wheel of a few fixed points is a polygon, which stands after a third of a second.",
+        wheel,
+    ),
+    row(
+        "wobbling coin",
+        "rate of precession, 30 degrees, 5 s",
+        "relative",
+        0.01,
+        "W^2 = 4 g / (R sin a), more exactly with the coin's thickness",
+        "The touching place runs round the rim: friction that is off by half a substep drives the coin.",
+        coin,
+    ),
+    row(
+        "leaning can",
+        "lean of a can let go short of its edge and beyond",
+        "rad",
+        0.01,
+        "it tips beyond atan(2 R / L)",
+        "Three points a rim are as stiff in all directions, so that a can stands still and lies flat.",
+        can,
+    ),
 ];
 
 /// A cylinder along z with this radius and length (m), 1 kg of uniform density.
-fn cylinder([radius, length]: [f64; 2], material: [f64; 4]) -> Result<Arc<System>, Error> {
-    let (along, across) = (0.5 * radius * radius, radius * radius / 4.0 + length * length / 12.0);
+fn cylinder([radius, length]: [f64; 2], material: [f64; 4]) -> Result<Arc<System>> {
+    let along = 0.5 * radius * radius;
+    let across = radius * radius / 4.0 + length * length / 12.0;
     let shape = format!(r#"<cylinder radius="{radius}" length="{length}"/>"#);
     Ok(Body { shape, inertia: [across, across, along], material, ..Default::default() }.system()?)
 }
@@ -31,7 +50,7 @@ fn axis(state: &[f64]) -> Vector3<f64> {
     quaternion(&state[3..7]) * Vector3::z()
 }
 
-fn wheel(trial: &Trial) -> Result<f64, Error> {
+fn wheel(trial: &Trial) -> Result<f64> {
     let system = cylinder([0.1, 0.04], [1e4, 100.0, 1e3, 0.5])?;
     let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2).coords.into();
     let high = 0.1 + 1e-5 - if trial.method.rigid { 0.0 } else { GRAVITY / 2e4 };
@@ -44,18 +63,22 @@ fn wheel(trial: &Trial) -> Result<f64, Error> {
 /// A coin at angle a from the ground has its centre at rest. It rotates about the line from centre to contact,
 /// `r = -R t - l n`: t points up the coin's face, n is its axis. `d/dt L = r x m g` gives
 /// `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
-fn coin(trial: &Trial) -> Result<f64, Error> {
-    let (radius, half, a) = (0.1, 0.001, PI / 6.0);
+fn coin(trial: &Trial) -> Result<f64> {
+    let radius = 0.1;
+    let half = 0.001;
+    let a = PI / 6.0;
     let system = cylinder([radius, 2.0 * half], [1e5, 100.0, 1e4, 0.5])?;
     let [across, _, along] = [0, 1, 2].map(|k| system.robot.links[0].inertia.inertia[(k, k)]);
     let arm = GRAVITY * (radius * a.cos() - half * a.sin());
     let rate = (arm / (a.sin() * (across * a.cos() - along * half / radius * a.sin()))).sqrt();
-    let (up, out) = (Vector3::new(-a.cos(), 0.0, a.sin()), leaning(a) * Vector3::z());
+    let up = Vector3::new(-a.cos(), 0.0, a.sin());
+    let out = leaning(a) * Vector3::z();
     let spin = (up * radius + out * half) * (rate * a.sin() / radius);
     let height = radius * a.sin() + half * a.cos() - GRAVITY / 1e5;
     let start = Body::state([0.0, 0.0, height], leaning(a).coords.into(), spin.into(), [0.0; 3]);
     let motion = trial.passive(&system, "ground", &start, 300)?;
-    let (mut turned, mut before) = (0.0, 0.0f64);
+    let mut turned = 0.0;
+    let mut before = 0.0f64;
     for now in motion.states.iter().map(|s| axis(s).y.atan2(axis(s).x)) {
         turned += (now - before + PI).rem_euclid(2.0 * PI) - PI;
         before = now;
@@ -63,16 +86,14 @@ fn coin(trial: &Trial) -> Result<f64, Error> {
     Ok((turned / (5.0 * rate) - 1.0).abs())
 }
 
-fn can(trial: &Trial) -> Result<f64, Error> {
+fn can(trial: &Trial) -> Result<f64> {
     let [radius, length] = [0.03, 0.1];
     let system = cylinder([radius, length], [1e4, 50.0, 1e3, 0.5])?;
     let edge = (2.0 * radius / length).atan();
-    let mut worst = 0.0f64;
-    for (lean, rests) in [(0.0, 0.0), (0.8 * edge, 0.0), (1.2 * edge, FRAC_PI_2)] {
+    worst([(0.0, 0.0), (0.8 * edge, 0.0), (1.2 * edge, FRAC_PI_2)], |(lean, rests): (f64, f64)| {
         let height = 0.5 * length * lean.cos() + radius * lean.sin();
         let start = Body::state([0.0, 0.0, height], leaning(lean).coords.into(), [0.0; 3], [0.0; 3]);
         let motion = trial.passive(&system, "ground", &start, 300)?;
-        worst = worst.max((axis(motion.last()).angle(&Vector3::z()) - rests).abs());
-    }
-    Ok(worst)
+        Ok((axis(motion.last()).angle(&Vector3::z()) - rests).abs())
+    })
 }

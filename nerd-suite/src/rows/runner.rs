@@ -4,7 +4,6 @@
 use std::f64::consts::TAU;
 
 use super::*;
-use crate::trial::rise;
 
 /// Forward velocity (m/s), and angular velocity (rad/s) about the horizontal axis across it: the robot tumbles as it
 /// runs.
@@ -17,33 +16,34 @@ const BEAT: f64 = 6.0;
 const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
 const FRAMES: usize = 60;
 
-pub(super) static ROWS: [Row; 2] = [
-    Row::new(
+pub(super) const ROWS: &[Row] = &[
+    row(
         "runner's energy",
         "energy out of nothing, Ant at 8 m/s, full torques, 1 s",
         "of the start's kinetic",
         1e-3,
+        "contact and limits are passive; a torque held for a frame does tau dq",
+        "What a solver invents at speed, with all joints moving, is what a policy learns to live on.",
         energy,
-    )
-    .source("contact and limits are passive; a torque held for a frame does tau dq")
-    .why("What a solver invents at speed, with all joints moving, is what a policy learns to live on."),
-    Row::new(
+    ),
+    row(
         "runner's momentum",
         "change of momentum in the air, Ant at 8 m/s, full torques, 1 s",
         "relative",
         0.01,
+        "momentum theorem; 1 % of Newton's tests",
+        "A leg thrown about must not push the whole: a mass matrix a frame old forgets where the legs have gone.",
         momentum,
-    )
-    .source("momentum theorem; 1 % of Newton's tests")
-    .why("A leg thrown about must not push the whole: a mass matrix a frame old forgets where the legs have gone."),
+    ),
 ];
 
 /// One second of running; the torso starts at `height` (m) above the ground.
-fn run(trial: &Trial, height: f64) -> Result<(Arc<System>, Motion), Error> {
+fn run(trial: &Trial, height: f64) -> Result<Motion> {
     let system = trial.robot("ant")?;
     let mut state = system.default_state();
     let nq = system.robot.nq();
-    let (forward, up) = (Vector3::x(), -system.gravity().normalize());
+    let forward = Vector3::x();
+    let up = -system.gravity().normalize();
     let turn = up.cross(&forward) * TURN;
     let place = up * height;
     state[..3].copy_from_slice(place.as_slice());
@@ -57,31 +57,20 @@ fn run(trial: &Trial, height: f64) -> Result<(Arc<System>, Motion), Error> {
         torques.iter_mut().zip(law).for_each(|(torque, given)| *torque = given);
         frame += 1;
     };
-    let motion = trial.driven(&system, "ground", &state, FRAMES, &mut drive)?;
-    Ok((system.clone(), motion))
+    trial.driven(&system, "ground", &state, FRAMES, &mut drive)
 }
 
 /// Largest increase of energy (springs included, motor work subtracted) over its previous minimum, relative to the
 /// start's kinetic energy; 1 if the robot hardly moved.
-fn energy(trial: &Trial) -> Result<f64, Error> {
-    let (_, motion) = run(trial, 0.8)?;
-    let (totals, stored) = (motion.totals(), motion.stored());
-    let energies = motion.energies();
-    let rise = rise(energies.iter().zip(&stored).zip(&motion.work).map(|((e, s), w)| e + s - w));
+fn energy(trial: &Trial) -> Result<f64> {
+    let motion = run(trial, 0.8)?;
+    let rise = rise(motion.energies().iter().zip(motion.stored()).zip(&motion.work).map(|((e, s), w)| e + s - w));
     let way = vector(motion.last()) - vector(&motion.states[0]);
-    Ok(if way.norm() > 1.0 { rise / totals[0].kinetic } else { 1.0 })
+    Ok(if way.norm() > 1.0 { rise / motion.totals()[0].kinetic } else { 1.0 })
 }
 
 /// Largest change of linear momentum (without gravity's share) and of angular momentum about the centre of mass,
 /// relative to the start.
-fn momentum(trial: &Trial) -> Result<f64, Error> {
-    let (system, motion) = run(trial, 20.0)?;
-    let totals = motion.totals();
-    let first = &totals[0];
-    let change = totals.iter().enumerate().map(|(k, t)| {
-        let given = system.gravity() * (first.mass * k as f64 * system.frame_time);
-        let (l, p) = (t.momentum.ang - first.momentum.ang, t.momentum.lin - first.momentum.lin - given);
-        (l.norm() / first.momentum.ang.norm()).max(p.norm() / first.momentum.lin.norm())
-    });
-    Ok(change.fold(0.0, f64::max))
+fn momentum(trial: &Trial) -> Result<f64> {
+    Ok(momentum_change(&run(trial, 20.0)?, |first| first.momentum.lin.norm()))
 }

@@ -2,9 +2,13 @@
 
 use nerd_train::{ppo::Arena, spec::SolverSpec, tell};
 
-use crate::{options::MODELS, prelude::*, solvers::spec};
+use crate::{
+    options::MODELS,
+    prelude::*,
+    solvers::{choose_folder, device_of, spec},
+};
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct ArenaArgs {
     /// Solver: articulated, rapier or neural, with settings in brackets as in `rollout`
     #[arg(long, value_parser = spec, default_value = "articulated")]
@@ -27,21 +31,14 @@ impl ArenaArgs {
     pub fn of(self, task: &str) -> Result<Arena> {
         let mut spec = self.solver;
         match &mut spec {
-            SolverSpec::Neural(own) => {
-                if own.folder.is_some() && self.model.is_some() {
-                    bail!("--model: --solver names a folder, too; leave one out");
-                }
-                own.folder = self.model.or(own.folder.take());
-            }
+            SolverSpec::Neural(own) => choose_folder(own, &self.model)?,
             _ => unused(&[("--model", self.model.is_some())], "without --solver neural")?,
         }
         if let Some(device) = self.device {
             if device.is_cuda() && matches!(spec, SolverSpec::Rapier(_)) {
                 bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated");
             }
-            if spec.device() != Device::Cpu && spec.device() != device {
-                bail!("--device {device}: --solver says {}; leave one out", spec.device());
-            }
+            let device = device_of(Some(device), spec.device())?;
             spec = spec.on(device);
         }
         if let Some(family) = self.family {

@@ -4,7 +4,7 @@ use nerd_train::ppo::folder;
 
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct ExportArgs {
     /// Folder of the policy
     #[arg(long)]
@@ -18,8 +18,11 @@ impl ExportArgs {
     pub fn run(&self) -> Result<()> {
         let (config, policy) = folder::load(&self.policy)?;
         let contract = nerd_train::onnx::export(&policy, &*nerd_tasks::named(&config.task)?, &self.out)?;
-        let (seen, acted) = (contract.observation.len(), contract.action.len());
-        let (onnx, beside, rate) = (self.out.display(), self.out.with_extension("json"), contract.rate);
+        let seen = contract.observation.len();
+        let acted = contract.action.len();
+        let onnx = self.out.display();
+        let beside = self.out.with_extension("json");
+        let rate = contract.rate;
         say!(
             "{onnx}: {seen} numbers to {acted}, {rate:.4} a second, opset {}; what they are: {}",
             contract.opset,

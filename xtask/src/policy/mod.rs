@@ -15,13 +15,7 @@ use export::ExportArgs;
 use crate::options::{MINUTES, SEEDS};
 use crate::{measure::Conduct, out, prelude::*};
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct PolicyArgs {
-    #[command(subcommand)]
-    pub verb: PolicyVerb,
-}
-
-#[derive(clap::Subcommand, Clone, Debug)]
+#[derive(clap::Subcommand)]
 pub enum PolicyVerb {
     /// Train a policy by PPO or SHAC, or continue a run
     Train(Box<TrainArgs>),
@@ -41,7 +35,7 @@ fn written(out: clap::Arg) -> clap::Arg {
     out.help("Folder for the result; without it none is written")
 }
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct TrainArgs {
     /// Task: a name from `list tasks`, or the path of a task file (docs/tasks.md). The tasks walk, rough, stand and
     /// reach need --robot
@@ -86,7 +80,7 @@ pub struct TrainArgs {
     pub out: Option<PathBuf>,
 }
 
-#[derive(clap::Args, Clone, Debug)]
+#[derive(clap::Args)]
 pub struct ShowArgs {
     /// Folder of the policy
     #[arg(long)]
@@ -104,8 +98,8 @@ pub struct ShowArgs {
     pub out: PathBuf,
 }
 
-pub fn run(args: PolicyArgs) -> Result<()> {
-    match args.verb {
+pub fn run(verb: PolicyVerb) -> Result<()> {
+    match verb {
         PolicyVerb::Train(args) => train(*args),
         PolicyVerb::Evaluate(args) => args.try_out(),
         PolicyVerb::Show(args) => show(args),
@@ -158,7 +152,7 @@ fn say(done: &Learned) {
         or_dash(rate),
         done.policy.display().to_string(),
     ];
-    out::keep(&Table::new("policy", &["run", "reward", "iterations", "steps/s", "folder"]).with([cells.to_vec()]));
+    out::keep(&Table::new("policy", ["run", "reward", "iterations", "steps/s", "folder"]).with([cells]));
 }
 
 fn show(args: ShowArgs) -> Result<()> {

@@ -67,7 +67,7 @@ settings! {
     }
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Calibrated {
     pub solver: String,
     /// Fitting method: gradients ("slopes") or a search.
@@ -79,7 +79,7 @@ pub struct Calibrated {
     pub profiles: Vec<Vec<[f64; 2]>>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct CalibratedAll {
     #[serde(flatten)]
     pub settings: Calibration,
@@ -97,7 +97,7 @@ pub struct CalibratedAll {
 }
 
 /// Refuses a text that is no solver's.
-fn readable(solver: &str) -> std::result::Result<(), String> {
+fn readable(solver: &str) -> Result<(), String> {
     solver.parse::<SolverSpec>().map(drop).map_err(|error| error.to_string())
 }
 
@@ -131,15 +131,13 @@ impl Calibration {
                     Parameter::usual(&log.system, &log.scene, solver.starts_with("rapier"))?.into_iter().chain(driven);
                 all.filter(|p| !self.per_trajectory.contains(&p.name)).collect()
             }
-            names => {
-                names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?
-            }
+            names => names.iter().map(|name| Parameter::named(&log.system, name)).try_collect()?,
         };
         // Reports missing capabilities before any search.
         if let Some(reason) = refusal(&mut *subject.engine.solver(), &subject.system, &subject.scene) {
             bail!(reason);
         }
-        subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect::<Vec<_>>())?;
+        subject.with(&parameters, &parameters.iter().map(|p| p.nominal).collect_vec())?;
         Ok((subject, parameters))
     }
 
@@ -152,18 +150,22 @@ impl Calibration {
                 bar.add(own.saturating_sub(before) as u64);
                 before = own;
             };
-            let (evaluations, trials, seed) = (self.evaluations, self.rollouts, self.seed + k);
-            let (config, begun) = (FitConfig { evaluations, trials, seed, gradients: true }, Instant::now());
+            let evaluations = self.evaluations;
+            let trials = self.rollouts;
+            let seed = self.seed + k;
+            let config = FitConfig { evaluations, trials, seed, gradients: true };
+            let begun = Instant::now();
             let fit = subject.fit(&parameters, &part.train, config, progress)?;
-            let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
+            let seconds = begun.elapsed().as_secs_f64();
+            let fitted = subject.with(&parameters, &fit.values)?;
             Ok((part.split([&subject, &fitted], (&fit, seconds), seed)?, fit))
         };
         // Splits run one after the other, so each wall time is its own; trials use all cores.
-        let found = parts.iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
+        let found: Vec<_> = (0..).zip(parts).map(one).try_collect()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
         let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
-        let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
+        let splits = found.into_iter().map(|(split, _)| split).collect_vec();
         bar.finish();
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
             bail!(
@@ -193,7 +195,8 @@ impl Calibration {
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
         let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
         let modelled = self.modelled(&log, &parts)?;
-        let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
+        let sizes = [log.trajectories.len(), trials.len()];
+        let robot = log.system.name.clone();
         Ok(CalibratedAll {
             settings: self.clone(),
             robot,
@@ -209,17 +212,12 @@ impl Calibration {
 
 /// Results of the solvers that succeed. The others are reported and left out; if all fail, the last error is returned.
 fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>) -> Result<Vec<T>> {
-    let (mut found, mut last) = (Vec::new(), None);
-    for solver in solvers.iter().map(AsRef::as_ref) {
-        match of(solver) {
-            Ok(one) => found.push(one),
-            Err(reason) => {
-                tell!("{solver}: left out, {reason:#}");
-                last = Some(reason);
-            }
-        }
-    }
-    match last {
+    let tried = solvers
+        .iter()
+        .map(AsRef::as_ref)
+        .map(|solver| of(solver).inspect_err(|reason| tell!("{solver}: left out, {reason:#}")));
+    let (found, mut failed): (Vec<T>, Vec<Error>) = tried.partition_result();
+    match failed.pop() {
         Some(reason) if found.is_empty() => Err(reason),
         _ => Ok(found),
     }
@@ -227,14 +225,15 @@ fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>
 
 /// A file's name up to the first dot.
 fn stem(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string()).unwrap_or_default()
+    path.file_name().unwrap_or_default().to_string_lossy().split('.').next().unwrap_or_default().into()
 }
 
 impl Experiment for Calibration {
     fn about(&self) -> Result<About> {
         let Some(first) = self.log.first() else { bail!("--log: name the TOML of a log") };
         let name = if self.name.is_empty() { format!("calibrate-{}", stem(first)) } else { self.name.clone() };
-        let (mut inputs, mut files) = (Inputs::default(), Vec::new());
+        let mut inputs = Inputs::default();
+        let mut files = Vec::new();
         for log in &self.log {
             let (spec, system) = specified(log)?;
             let table = self.data.clone().unwrap_or_else(|| log.with_file_name(spec.file));
@@ -244,12 +243,9 @@ impl Experiment for Calibration {
         inputs.0.insert(0, Input::files(&name, &files)?);
         // Identifies the solver by its motion on one robot and scene, whatever the log's robot is.
         for solver in &self.solver {
-            let setting = self.spec(solver)?;
-            inputs.add(Input::motion("cube", "ground", &setting)?);
+            inputs.add(Input::motion("cube", "ground", &self.spec(solver)?)?);
         }
-        for folder in &self.model {
-            inputs.add(Input::model(folder)?);
-        }
+        inputs.models(&self.model)?;
         let effort = (self.splits * self.solver.len() * self.evaluations * self.rollouts) as f64;
         Ok(About { name, seed: self.seed, effort, inputs })
     }
@@ -266,10 +262,9 @@ impl Experiment for Calibration {
             return Measured::new(&found, found.tables());
         }
         let found = self.all()?;
-        let mut measured = Measured::new(&found, vec![found.errors(), found.fits(), found.parameters()])?;
         let first = found.fitted.first().filter(|solver| !solver.profiles.is_empty());
-        measured.figures.extend(first.map(|solver| ("figure".into(), solver.figure())));
-        Ok(measured)
+        let tables = vec![found.errors(), found.fits(), found.parameters()];
+        Ok(Measured::new(&found, tables)?.with("figure", first.map(Calibrated::figure)))
     }
 }
 
@@ -277,7 +272,7 @@ impl Calibrated {
     fn figure(&self) -> Figure {
         let panel = |k: usize| {
             let (profile, (name, _, unit), at) = (&self.profiles[k], &self.parameters[k], self.splits[0].fit.values[k]);
-            let points: Vec<(f64, f64)> = profile.iter().map(|p| (p[0], p[1].min(1.5))).collect();
+            let points = profile.iter().map(|p| (p[0], p[1].min(1.5))).collect_vec();
             let ends = points.iter().fold((f64::MAX, f64::MIN), |(a, b), p| (a.min(p.1), b.max(p.1)));
             let series = vec![
                 Series::new("objective", Style::Line, points),

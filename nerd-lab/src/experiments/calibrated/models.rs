@@ -12,7 +12,7 @@ use super::{Calibration, Parts, Scored};
 use crate::prelude::*;
 
 /// A model's errors on the test part of every split.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Modelled {
     /// Its folder; the first one if each split has its own.
     pub model: String,
@@ -37,8 +37,7 @@ impl<'a> Judged<'a> {
     fn new(log: &Log, folder: &'a Path) -> Result<Self> {
         let config = ModelConfig::read(folder)?;
         let own = if config.robot == log.system.name { log.system.clone() } else { System::named(&config.robot)? };
-        own.alike(&log.system)
-            .map_err(|e| anyhow::anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
+        own.alike(&log.system).map_err(|e| anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
         let held_out = config.truth.starts_with(RECORDED).then(|| nerd_train::measured::Measured::named(&config));
         Ok(Self { folder, model: Model::load(folder, &own, None)?, own, held_out })
     }
@@ -59,12 +58,9 @@ impl Calibration {
         if let Some(first) = all.iter().find(|m| m.held_out.is_some()) {
             let of = |(k, part): (usize, &Parts)| {
                 let found = all.iter().find(|m| m.held_out.is_some() && m.fair(part));
-                found.ok_or_else(|| {
-                    anyhow::anyhow!(
-                        "--model {}: none held out what split {} is judged on",
-                        first.folder.display(),
-                        k + 1
-                    )
+                let split = k + 1;
+                found.with_context(|| {
+                    format!("--model {}: none held out what split {split} is judged on", first.folder.display())
                 })
             };
             rows.push(parts.iter().enumerate().map(of).collect::<Result<_>>()?);
@@ -73,7 +69,7 @@ impl Calibration {
     }
 
     fn judge(&self, log: &Log, models: &[&Judged], parts: &[Parts]) -> Result<Modelled> {
-        let mut names: Vec<String> = models.iter().map(|m| shipped::from_root(m.folder)).collect();
+        let mut names = models.iter().map(|m| shipped::from_root(m.folder)).collect_vec();
         names.dedup();
         let name = match &names[..] {
             [first, others @ ..] if !others.is_empty() => {
@@ -105,16 +101,17 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
     for (k, trial) in trials.iter().enumerate() {
         groups.entry((trial.first.min(before), trial.torques.len())).or_default().push(k);
     }
-    let (d, nq, mut found) = (own.robot.state_dim(), own.robot.nq(), vec![Distance::default(); trials.len()]);
+    let d = own.robot.state_dim();
+    let nq = own.robot.nq();
+    let mut found = vec![Distance::default(); trials.len()];
     for ((shown, frames), group) in groups {
         // A trajectory cut into pieces appears several times under one id.
         let from = |k: &usize| -> Result<(&Trajectory, usize)> {
             let trial = &trials[*k];
             let begins = |t: &&Trajectory| t.id == trial.id && t.states.get(trial.first) == Some(&trial.start);
-            let Some(t) = log.trajectories.iter().find(begins) else {
-                bail!("trajectory {}: not in the log any more", trial.id)
-            };
-            Ok((t, trial.first - shown))
+            let found = log.trajectories.iter().find(begins);
+            let found = found.with_context(|| format!("trajectory {}: not in the log any more", trial.id))?;
+            Ok((found, trial.first - shown))
         };
         let from = group.iter().map(from).collect::<Result<Vec<_>>>()?;
         let rows = |of: &dyn Fn(&Trajectory) -> &[Vec<f64>], count: usize| -> Vec<Vec<f64>> {
@@ -132,8 +129,7 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
         pieces.compare(&mut recorder)?;
         for (piece, k) in group.into_iter().enumerate() {
             let pose = |states: &Vec<f64>| states[piece * d..][..nq].to_vec();
-            let motion: Vec<_> =
-                [&pieces.states[shown]].into_iter().chain(&recorder.frames[shown..]).map(pose).collect();
+            let motion = [&pieces.states[shown]].into_iter().chain(&recorder.frames[shown..]).map(pose).collect_vec();
             found[k] = distance(own, &motion, &trials[k].measured);
         }
     }

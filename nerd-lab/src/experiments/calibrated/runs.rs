@@ -1,10 +1,11 @@
 //! Per-trajectory parameters, such as sensor zeros set by hand before a run: fitted to each trajectory's first frames,
 //! beside shared parameters from the other folds. Every trajectory is tested once, on its later frames.
 
-use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial, distance};
+use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial};
 use nerd_sim::log::Log;
 use rand::RngExt;
 
+use super::split::{ids, still};
 use super::{Calibration, stem, tables::listed};
 use crate::prelude::*;
 
@@ -16,7 +17,7 @@ const SETS: usize = 2000;
 /// Reference row: `calibrated`; the next row, with own parameters, if penalised parameters follow.
 const BASIS: usize = 2;
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Judged {
     /// The log, and the trajectory's id there.
     pub log: String,
@@ -27,7 +28,7 @@ pub struct Judged {
     pub errors: Vec<Vec<f64>>,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Runs {
     #[serde(flatten)]
     pub settings: Calibration,
@@ -66,18 +67,14 @@ impl Calibration {
 
     fn learned<'a>(&self, log: &'a Log, out: &[u64]) -> Result<Learned<'a>> {
         let (described, parameters) = self.subject(log, "articulated")?;
-        let own: Vec<Parameter> = self
-            .per_trajectory
-            .iter()
-            .map(|name| Parameter::named(&log.system, name))
-            .collect::<std::result::Result<_, _>>()?;
+        let own: Vec<_> = self.per_trajectory.iter().map(|name| Parameter::named(&log.system, name)).try_collect()?;
         let shared =
             described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
         let of = |name: &String| match parameters.iter().zip(&shared.values).find(|(p, _)| p.name == *name) {
             Some((p, value)) => Ok(p.near(*value, 0.0)),
             None => Parameter::named(&log.system, name),
         };
-        let held = self.regularized.iter().map(of).collect::<std::result::Result<_, _>>()?;
+        let held = self.regularized.iter().map(of).try_collect()?;
         Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
     }
 
@@ -98,52 +95,46 @@ impl Calibration {
             let unit = nerd_sim::calibrate::mean(&learned.shared.distances(&seen)?).joints;
             parameters.extend(learned.held.iter().map(|p| p.near(p.nominal, weight / unit.max(f64::MIN_POSITIVE))));
         }
-        let fit = learned.shared.fit(&parameters, &seen, self.config(4), &mut |_, _| ())?;
-        Ok(learned.shared.with(&parameters, &fit.values)?)
+        fitted(&learned.shared, &parameters, &seen, self.config(4))
     }
 
     /// Number of rollouts and mean joint error for each length, after a trajectory's first frames; `None` predicts no
     /// motion.
-    fn errors(&self, log: &Log, id: u64, subject: Option<&Subject>, lengths: &[usize]) -> Result<Vec<(usize, f64)>> {
-        let of = |frames: &usize| {
+    fn errors(
+        &self,
+        log: &Log,
+        id: u64,
+        subject: Option<&Subject>,
+        lengths: &[usize],
+    ) -> Result<(Vec<usize>, Vec<f64>)> {
+        let of = |frames: &usize| -> Result<(usize, f64)> {
             let mut trials = log.trials(frames + 1, self.every);
             trials.retain(|t| t.id == id && t.first >= self.context_frames);
-            let still = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
-            let found =
-                subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
+            let found = subject.map_or_else(|| Ok(still(log, &trials)), |subject| subject.distances(&trials))?;
             // The mean distance includes the start, where the error is 0.
             let predicted = (frames + 1) as f64 / *frames as f64;
-            Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect::<Vec<_>>())))
+            Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect_vec())))
         };
         lengths.iter().map(of).collect()
     }
 
     /// Log errors by penalty for trajectories outside the training folds; the logarithm keeps large errors from
     /// dominating.
-    fn weighed(&self, learned: &Learned, ids: &[u64]) -> Result<Vec<[f64; WEIGHTS.len()]>> {
-        let of = |id: &u64| -> Result<[f64; WEIGHTS.len()]> {
-            let mut found = [0.0; WEIGHTS.len()];
-            for (error, weight) in found.iter_mut().zip(WEIGHTS) {
-                let told = self.told(learned, *id, Some(weight))?;
-                *error = self.errors(learned.log, *id, Some(&told), &[self.frames])?[0].1.ln();
-            }
-            Ok(found)
+    fn weighed(&self, learned: &Learned, ids: &[u64]) -> Result<Vec<Vec<f64>>> {
+        let error = |id: &u64, weight: f64| -> Result<f64> {
+            let told = self.told(learned, *id, Some(weight))?;
+            Ok(self.errors(learned.log, *id, Some(&told), &[self.frames])?.1[0].ln())
         };
-        ids.iter().map(of).collect()
+        ids.iter().map(|id| WEIGHTS.iter().map(|weight| error(id, *weight)).collect()).collect()
     }
 
     /// Best penalty by fold, from the other folds: for each pair of folds, learned without both and tested on the other
     /// one.
-    fn chosen(
-        &self,
-        logs: &[Log],
-        folds: &[Vec<Vec<u64>>],
-        count: usize,
-        progress: &mut dyn FnMut(),
-    ) -> Result<Vec<f64>> {
+    fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
+        let count = folds.iter().map(Vec::len).max().unwrap_or(0);
         let mut sums = vec![[0.0; WEIGHTS.len()]; count];
         for (log, folds) in logs.iter().zip(folds) {
-            for (a, b) in (0..folds.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+            for [a, b] in (0..folds.len()).array_combinations() {
                 let learned = self.learned(log, &[&folds[a][..], &folds[b]].concat())?;
                 for (fold, other) in [(a, b), (b, a)] {
                     for errors in self.weighed(&learned, &folds[other])? {
@@ -170,12 +161,8 @@ impl Calibration {
             bail!("--per-trajectory: `articulated` is fitted by gradients; --solver says nothing of that");
         }
         bounds::once("--per-trajectory and --regularized", &[&self.per_trajectory[..], &self.regularized].concat())?;
-        let logs = self
-            .log
-            .iter()
-            .map(|path| Log::read(path, self.data.as_deref()))
-            .collect::<std::result::Result<Vec<_>, _>>()?;
-        let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
+        let logs: Vec<Log> = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).try_collect()?;
+        let notes = logs.iter().flat_map(|log| log.notes.clone()).collect_vec();
         notes.iter().for_each(|note| tell!("{note}"));
         if let Some(log) = logs.iter().find(|log| log.system.robot.floating() || log.system.robot.joint_count() == 0) {
             bail!(
@@ -183,63 +170,55 @@ impl Calibration {
                 log.system.name
             );
         }
-        let folds: Vec<Vec<Vec<u64>>> = logs.iter().map(|log| self.folds(log)).collect();
-        let (count, lengths) =
-            (folds.iter().map(Vec::len).max().unwrap_or(0), [self.frames / 2, self.frames, 2 * self.frames]);
-        if let Some(log) = logs
-            .iter()
-            .zip(&folds)
-            .find(|(_, folds)| folds.len() < 2 + usize::from(!self.regularized.is_empty()))
-            .map(|(log, _)| log)
-        {
+        let folds = logs.iter().map(|log| self.folds(log)).collect_vec();
+        let lengths = [self.frames / 2, self.frames, 2 * self.frames];
+        let least = if self.regularized.is_empty() { 2 } else { 3 };
+        if let Some((log, _)) = logs.iter().zip(&folds).find(|(_, folds)| folds.len() < least) {
             bail!(
                 "--splits: `{}` has too few folds: what is learned without one, and with --regularized without two, needs \
                  another",
                 log.system.name
             );
         }
-        let pairs =
-            if self.regularized.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
-        let bar = bar("folds", (pairs + folds.iter().map(Vec::len).sum::<usize>()) as u64);
+        let held = |n: usize| if self.regularized.is_empty() { 0 } else { n * (n - 1) / 2 };
+        let bar = bar("folds", folds.iter().map(|folds| folds.len() + held(folds.len())).sum::<usize>() as u64);
         let [own, near] = [&self.per_trajectory, &self.regularized].map(|names| names.join(", "));
-        let mut methods: Vec<String> = ["no motion", "as described", "calibrated"].map(String::from).into();
+        let mut methods = ["no motion", "as described", "calibrated"].map(String::from).to_vec();
         methods.push(format!("calibrated, with its own {own}"));
-        let (mut weights, mut judged) = (Vec::new(), Vec::new());
-        if pairs > 0 {
+        let mut weights = Vec::new();
+        let mut judged = Vec::new();
+        if !self.regularized.is_empty() {
             methods.extend([format!("and {near}"), format!("and {near}, held near what all share")]);
-            weights = self.chosen(&logs, &folds, count, &mut || bar.add(1))?;
+            weights = self.chosen(&logs, &folds, &mut || bar.add(1))?;
         }
         for ((log, path), folds) in logs.iter().zip(&self.log).zip(&folds) {
             for (fold, ids) in folds.iter().enumerate() {
                 let learned = self.learned(log, ids)?;
                 let (described, parameters) = self.subject(log, "articulated")?;
-                let plain = described.fit(&parameters, &self.others(log, ids), self.config(1), &mut |_, _| ())?;
-                let plain = described.with(&parameters, &plain.values)?;
+                let plain = fitted(&described, &parameters, &self.others(log, ids), self.config(1))?;
                 for &id in ids {
                     let mut subjects =
                         vec![None, Some(described.clone()), Some(plain.clone()), Some(self.told(&learned, id, None)?)];
-                    for weight in weights.get(fold).map_or_else(Vec::new, |weight| vec![0.0, *weight]) {
+                    for weight in weights.get(fold).into_iter().flat_map(|weight| [0.0, *weight]) {
                         subjects.push(Some(self.told(&learned, id, Some(weight))?));
                     }
-                    let found: Vec<Vec<(usize, f64)>> =
-                        subjects.iter().map(|s| self.errors(log, id, s.as_ref(), &lengths)).collect::<Result<_>>()?;
-                    let errors = found.iter().map(|row| row.iter().map(|x| x.1).collect()).collect();
-                    judged.push(Judged {
-                        log: stem(path),
-                        id,
-                        rollouts: found[0].iter().map(|x| x.0).collect(),
-                        errors,
-                    });
+                    let mut run = Judged { log: stem(path), id, rollouts: Vec::new(), errors: Vec::new() };
+                    for subject in &subjects {
+                        let (rollouts, errors) = self.errors(log, id, subject.as_ref(), &lengths)?;
+                        run.rollouts = rollouts;
+                        run.errors.push(errors);
+                    }
+                    judged.push(run);
                 }
                 bar.add(1);
             }
         }
         bar.finish();
         if let Some(run) = judged.iter().find(|run| !run.errors.iter().flatten().all(|e| e.is_finite())) {
-            let length = lengths[2];
             bail!(
-                "trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames",
+                "trajectory {}: no rollout of {} frames after the first {}; take fewer --frames",
                 run.id,
+                lengths[2],
                 self.context_frames
             );
         }
@@ -252,30 +231,31 @@ impl Calibration {
             return log.folds.clone();
         }
         let all = ids(log);
-        (0..self.splits).map(|fold| all.iter().skip(fold).step_by(self.splits).copied().collect()).collect()
+        (0..self.splits).map(|fold| all.iter().copied().skip(fold).step_by(self.splits).collect()).collect()
     }
 }
 
-fn ids(log: &Log) -> Vec<u64> {
-    let mut all: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
-    all.dedup();
-    all
+/// A subject fitted to trials.
+fn fitted(subject: &Subject, parameters: &[Parameter], trials: &[Trial], config: FitConfig) -> Result<Subject> {
+    let fit = subject.fit(parameters, trials, config, &mut |_, _| ())?;
+    Ok(subject.with(parameters, &fit.values)?)
 }
 
 impl Runs {
     /// Value of `of` over all trajectories at a length, and its 95 % interval from resampling trajectories with
     /// replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
-        let (all, mut rng) = (self.judged.iter().collect::<Vec<_>>(), stream(self.settings.seed, 1));
-        let sets: Vec<f64> = (0..SETS)
-            .map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect::<Vec<_>>(), length))
-            .collect();
+        let all = self.judged.iter().collect_vec();
+        let mut rng = stream(self.settings.seed, 1);
+        let sets = (0..SETS)
+            .map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect_vec(), length))
+            .collect_vec();
         [of(&all, length), percentile(sets.clone(), 0.025), percentile(sets, 0.975)]
     }
 
     pub(super) fn tables(&self) -> Vec<Table> {
         let error = |runs: &[&Judged], method: usize, length: usize| {
-            mean(&runs.iter().map(|r| r.errors[method][length]).collect::<Vec<_>>())
+            mean(&runs.iter().map(|r| r.errors[method][length]).collect_vec())
         };
         let basis = BASIS + usize::from(self.methods.len() > BASIS + 2);
         let row = |method: usize| {
@@ -283,18 +263,15 @@ impl Runs {
                 (0..self.lengths.len()).map(|length| listed(self.spread(length, |runs, l| error(runs, method, l))));
             let gain = self.spread(1, |runs, l| 100.0 * (1.0 - error(runs, method, l) / error(runs, basis, l)));
             let gain = if method == basis { "-".into() } else { listed(gain) };
-            [self.methods[method].clone()].into_iter().chain(errors).chain([gain]).collect()
+            [self.methods[method].clone()].into_iter().chain(errors).chain([gain]).collect_vec()
         };
-        let header = self.lengths.iter().map(|frames| format!("{frames} frames"));
-        let header: Vec<String> = ["method".into()]
-            .into_iter()
-            .chain(header)
-            .chain([format!("below `{}` (%)", self.methods[basis])])
-            .collect();
+        let lengths = self.lengths.iter().map(|frames| format!("{frames} frames"));
+        let below = format!("below `{}` (%)", self.methods[basis]);
+        let header = ["method".into()].into_iter().chain(lengths).chain([below]);
         let settings = &self.settings;
-        let errors = Table::new("errors", &header.iter().map(String::as_str).collect::<Vec<_>>())
+        let errors = Table::new("errors", header)
             .with((0..self.methods.len()).map(row))
-            .noted(&format!(
+            .noted(format!(
                 "Open loop from measured states, every {} frames from frame {} on; mean error of the joints (rad or m) over rollouts and their frames, \
                  then over {} trajectories [95 % interval from drawing trajectories]. What all share was fitted to the other folds, what a \
                  trajectory has of its own to its first {} frames. Last column: at {} frames, paired by trajectory. Cost of leaving what all \
@@ -304,18 +281,17 @@ impl Runs {
                 self.judged.len(),
                 settings.context_frames,
                 self.lengths[1],
-                self.weights.iter().map(|w| digits(*w)).collect::<Vec<_>>().join(", "),
+                self.weights.iter().map(|w| digits(*w)).join(", "),
                 self.notes.iter().map(|n| format!(" {n}.")).collect::<String>()
             ));
-        let mut header = vec!["log", "trajectory", "rollouts"];
-        header.extend(self.methods.iter().map(String::as_str));
+        let header = ["log", "trajectory", "rollouts"].into_iter().chain(self.methods.iter().map(String::as_str));
         let row = |run: &Judged| {
             let errors = run.errors.iter().map(|e| digits(e[1]));
-            [run.log.clone(), run.id.to_string(), run.rollouts[1].to_string()].into_iter().chain(errors).collect()
+            [run.log.clone(), run.id.to_string(), run.rollouts[1].to_string()].into_iter().chain(errors).collect_vec()
         };
-        let runs = Table::new("trajectories", &header)
+        let runs = Table::new("trajectories", header)
             .with(self.judged.iter().map(row))
-            .noted(&format!("Mean error at {} frames of each trajectory.", self.lengths[1]));
+            .noted(format!("Mean error at {} frames of each trajectory.", self.lengths[1]));
         vec![errors, runs]
     }
 }

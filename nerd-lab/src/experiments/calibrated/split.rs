@@ -15,14 +15,14 @@ pub(super) struct Parts {
 }
 
 /// Mean distances, and their 95 % intervals from resampling trajectories.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Scored {
     pub mean: Distance,
     pub low: Distance,
     pub high: Distance,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Split {
     pub judged: Vec<u64>,
     pub fit: FitOf,
@@ -33,7 +33,7 @@ pub struct Split {
     pub whole_after: Scored,
 }
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct FitOf {
     pub values: Vec<f64>,
     pub objective: f64,
@@ -51,14 +51,12 @@ const SETS: usize = 1000;
 impl Parts {
     /// A random split; both parts must be non-empty.
     pub fn new(log: &Log, trials: &[Trial], seed: u64) -> Result<Self> {
-        let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
-        ids.dedup();
+        let mut ids = ids(log);
         ids.shuffle(&mut stream(seed, 0));
         // With few trajectories at least one stays for testing.
         let first = (ids.len() * FITTED).div_ceil(100).min(ids.len().saturating_sub(1));
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
-        let of =
-            |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
+        let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect_vec();
         let mut judged = ids[first..last].to_vec();
         judged.sort_unstable();
         let parts = Self {
@@ -92,9 +90,19 @@ impl Parts {
     }
 
     pub fn still(&self, log: &Log, seed: u64) -> Scored {
-        let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
-        Scored::new(&self.judged, &self.judged.iter().map(none).collect::<Vec<_>>(), seed)
+        Scored::new(&self.judged, &still(log, &self.judged), seed)
     }
+}
+
+/// Ids of a log's trajectories; pieces of one are listed once.
+pub(super) fn ids(log: &Log) -> Vec<u64> {
+    log.trajectories.iter().map(|t| t.id).dedup().collect()
+}
+
+/// Distances of the predictor that nothing moves.
+pub(super) fn still(log: &Log, trials: &[Trial]) -> Vec<Distance> {
+    let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
+    trials.iter().map(none).collect()
 }
 
 impl Scored {
@@ -102,15 +110,15 @@ impl Scored {
     pub(super) fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
-        let groups: Vec<Vec<Distance>> = by_id.into_values().collect();
+        let groups = by_id.into_values().collect_vec();
         let mut rng = stream(seed, 1);
-        let drawn = |_| {
-            mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>())
-        };
-        let sets: Vec<Distance> = (0..SETS).map(drawn).collect();
+        let drawn =
+            |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect_vec());
+        let sets = (0..SETS).map(drawn).collect_vec();
         let end = |share: f64| {
             let of = |field: fn(&Distance) -> f64| percentile(sets.iter().map(field).collect(), share);
-            let (position, rotation) = (of(|g| g.position), of(|g| g.rotation));
+            let position = of(|g| g.position);
+            let rotation = of(|g| g.rotation);
             Distance { position, rotation, joints: of(|g| g.joints), other_side: of(|g| g.other_side) }
         };
         Self { mean: mean(distances), low: end(0.025), high: end(0.975) }

@@ -4,7 +4,7 @@ use nerd_sim::calibrate::Distance;
 
 use super::split::FITTED;
 use super::{Calibrated, CalibratedAll, Modelled, Scored, Split};
-use crate::report::{Table, digits};
+use crate::prelude::*;
 
 /// A parameter is undetermined if the objective at its bounds rises by less than this share.
 const FLAT: f64 = 0.01;
@@ -12,29 +12,22 @@ const FLAT: f64 = 0.01;
 impl CalibratedAll {
     pub(super) fn errors(&self) -> Table {
         let joints = self.still.iter().any(|s| s.mean.joints > 0.0);
-        let mut rows = vec![line("no motion", joints, &self.still.iter().collect::<Vec<_>>(), None)];
+        let mut rows = vec![line("no motion", joints, &self.still.iter().collect_vec(), None)];
         let none = usize::from(joints) + 2;
         rows.extend(self.published.iter().map(|p| {
             let figures = [format!("{}, as published", p.method), digits(p.position), digits(p.rotation)];
-            figures.into_iter().chain(std::iter::repeat_n("-".to_string(), none)).collect()
+            figures.into_iter().chain(vec!["-".to_string(); none]).collect()
         }));
         for solver in &self.fitted {
-            let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
-            rows.push(line(
-                &format!("{}, as described", solver.solver),
-                joints,
-                &of(|s| &s.before),
-                Some(&of(|s| &s.whole_before)),
-            ));
-            rows.push(line(
-                &format!("{}, calibrated by {}", solver.solver, solver.by),
-                joints,
-                &of(|s| &s.after),
-                Some(&of(|s| &s.whole_after)),
-            ));
+            let mut add = |words: &str, of: fn(&Split) -> [&Scored; 2]| {
+                let [judged, whole] = [0, 1].map(|k| solver.splits.iter().map(|split| of(split)[k]).collect_vec());
+                rows.push(line(&format!("{}, {words}", solver.solver), joints, &judged, Some(&whole)));
+            };
+            add("as described", |split| [&split.before, &split.whole_before]);
+            add(&format!("calibrated by {}", solver.by), |split| [&split.after, &split.whole_after]);
         }
         for Modelled { model, before, shown, withheld, whole } in &self.modelled {
-            let [shown, withheld, whole] = [shown, withheld, whole].map(|all| all.iter().collect::<Vec<_>>());
+            let [shown, withheld, whole] = [shown, withheld, whole].map(|all| all.iter().collect_vec());
             let none = if *before > 0 { ", shown none" } else { ", sees one frame" };
             if *before > 0 {
                 rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &shown, None));
@@ -45,7 +38,7 @@ impl CalibratedAll {
         header.extend(joints.then_some("joints (rad or m)"));
         header.extend(["other side up (%)", "whole trajectories"]);
         let notes = self.notes.iter().map(|n| format!(" {n}.")).collect::<String>();
-        Table::new("errors", &header).with(rows).noted(&format!(
+        Table::new("errors", header).with(rows).noted(format!(
             "Open loop from measured states, {} rollouts of {} frames from {} trajectories of `{}`. {} splits by trajectory: fitted to {} %, \
              judged on half of the rest. Mean over splits [mean ends of the 95 % intervals from resampling trajectories].{notes}",
             self.sizes[1],
@@ -59,24 +52,16 @@ impl CalibratedAll {
 
     /// Cost and benefit of each fit.
     pub(super) fn fits(&self) -> Table {
-        let line = |solver: &Calibrated, k: usize, split: &Split| {
-            let (fit, apart) = (&split.fit, &split.after.mean);
-            let figures = [
-                digits(fit.evaluations),
-                digits(fit.seconds),
-                digits(fit.objective),
-                digits(apart.position),
-                digits(apart.rotation),
-            ];
-            [solver.solver.clone(), solver.by.clone(), k.to_string()].into_iter().chain(figures).collect()
-        };
-        let rows = self
-            .fitted
-            .iter()
-            .flat_map(|solver| solver.splits.iter().enumerate().map(move |(k, split)| line(solver, k + 1, split)));
+        let rows = self.fitted.iter().flat_map(|solver| {
+            solver.splits.iter().enumerate().map(|(k, split)| {
+                let (fit, apart) = (&split.fit, &split.after.mean);
+                let figures = [fit.evaluations, fit.seconds, fit.objective, apart.position, apart.rotation].map(digits);
+                [solver.solver.clone(), solver.by.clone(), (k + 1).to_string()].into_iter().chain(figures)
+            })
+        });
         let header =
             ["solver", "by", "split", "evaluations", "wall clock (s)", "objective", "position (m)", "rotation (rad)"];
-        Table::new("fits", &header).with(rows).noted(&format!(
+        Table::new("fits", header).with(rows).noted(format!(
             "Evaluations of the objective over {} rollouts of the fitted part; one over fewer or shorter ones counts as its share, a round's \
              slopes ten. Objective: mean distances there, in units of those as described. Position and rotation: on the judged part.",
             self.settings.rollouts
@@ -86,7 +71,10 @@ impl CalibratedAll {
     pub(super) fn parameters(&self) -> Table {
         let rows = self.fitted.iter().flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
-                let [value, spread] = over_splits(solver, k);
+                let values = solver.splits.iter().map(|split| split.fit.values[k]).collect_vec();
+                let value = mean(&values);
+                let squares = values.iter().map(|x| (x - value).powi(2)).sum::<f64>();
+                let spread = (squares / (values.len().max(2) - 1) as f64).sqrt();
                 let word = match rise(solver, k) {
                     Some((rise, _)) if rise < FLAT => "not determined".into(),
                     Some((rise, true)) => format!("{:+.0} %, from a bound", 100.0 * rise),
@@ -106,7 +94,7 @@ impl CalibratedAll {
             })
         });
         let header = ["solver", "parameter", "described", "calibrated", "bounds", "objective at a bound"];
-        Table::new("parameters", &header).with(rows).noted(
+        Table::new("parameters", header).with(rows).noted(
             "Calibrated: mean and standard deviation over splits. Last column: how much the objective of the first split rises when this \
              parameter alone is moved to that of its bounds where it rises less; where the fit is at one, to the other. Below 1 % the data \
              do not determine it.",
@@ -114,17 +102,13 @@ impl CalibratedAll {
     }
 }
 
-fn over_splits(solver: &Calibrated, k: usize) -> [f64; 2] {
-    let x: Vec<f64> = solver.splits.iter().map(|s| s.fit.values[k]).collect();
-    let mean = x.iter().sum::<f64>() / x.len() as f64;
-    [mean, (x.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (x.len().max(2) - 1) as f64).sqrt()]
-}
-
 /// Relative rise of the objective at the bound where it rises less, and whether the fit lies at the other bound.
 fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
-    let (profile, fitted) = (solver.profiles.get(k)?, solver.splits.first()?.fit.values[k]);
+    let profile = solver.profiles.get(k)?;
+    let fitted = solver.splits.first()?.fit.values[k];
     let best = profile.iter().map(|p| p[1]).fold(f64::INFINITY, f64::min);
-    let (low, high) = (profile.first()?, profile.last()?);
+    let low = profile.first()?;
+    let high = profile.last()?;
     let near = |end: &[f64; 2]| (end[0] - fitted).abs() < 1e-3 * (high[0] - low[0]).abs();
     let rise = match (near(low), near(high)) {
         (true, false) => high[1],
@@ -135,20 +119,17 @@ fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
 }
 
 fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>) -> Vec<String> {
-    let of = |splits: &[&Scored], field: fn(&Distance) -> f64| {
-        let mean =
-            |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
-        [mean(|s| &s.mean), mean(|s| &s.low), mean(|s| &s.high)]
+    let over = |splits: &[&Scored], end: fn(&Scored) -> &Distance, field: fn(&Distance) -> f64| {
+        mean(&splits.iter().map(|scored| field(end(scored))).collect_vec())
     };
-    let mut row = vec![name.to_string(), listed(of(splits, |g| g.position)), listed(of(splits, |g| g.rotation))];
-    row.extend(joints.then(|| listed(of(splits, |g| g.joints))));
-    row.push(listed(of(splits, |g| 100.0 * g.other_side)));
-    let some = |w: &[&Scored]| {
-        let all = [of(w, |g| g.position)[0], of(w, |g| g.rotation)[0], of(w, |g| g.joints)[0]];
-        all[..if joints { 3 } else { 2 }].iter().map(|x| digits(*x)).collect::<Vec<_>>().join(" / ")
+    let of = |field: fn(&Distance) -> f64| {
+        listed([over(splits, |s| &s.mean, field), over(splits, |s| &s.low, field), over(splits, |s| &s.high, field)])
     };
-    row.push(whole.map_or("-".into(), some));
-    row
+    let distances: [fn(&Distance) -> f64; 3] = [|g| g.position, |g| g.rotation, |g| g.joints];
+    let distances = &distances[..if joints { 3 } else { 2 }];
+    let whole = whole.map(|whole| distances.iter().map(|field| digits(over(whole, |s| &s.mean, *field))).join(" / "));
+    let end = [of(|g| 100.0 * g.other_side), or_dash(whole)];
+    [name.to_string()].into_iter().chain(distances.iter().map(|field| of(*field))).chain(end).collect()
 }
 
 /// A mean with its interval, as text.

@@ -7,15 +7,12 @@ use nerd_sim::instruments::Replay;
 use super::plan::Plan;
 use super::shown::{Against, Point};
 use crate::mujoco::{Referee, Scheme};
-use crate::{prelude::*, roll::begun};
+use crate::prelude::*;
 use nerd_train::{cost::powers, provenance::card_memory};
 
-pub(super) fn referee(
-    python: &Path,
-    Plan { system, scene, protocol: config, environments, .. }: &Plan,
-) -> Result<Referee> {
-    let begun = begun(system, scene, config.starts, Start::Reset, config.seed);
-    Referee::held(python, &begun, config.steps, config.held(system).as_ref(), *environments)
+pub(super) fn referee(python: &Path, plan: &Plan) -> Result<Referee> {
+    let Plan { system, protocol: config, environments, .. } = plan;
+    Referee::held(python, &plan.begun(), config.steps, config.held(system).as_ref(), *environments)
 }
 
 /// Settings to measure: integrator, series, substeps.
@@ -43,12 +40,11 @@ pub(super) fn points(
     ours: &[Vec<f64>],
     reference: &str,
 ) -> Result<(Vec<Point>, Against)> {
-    let (config, card) = (plan.protocol, plan.environments.is_some());
+    let config = plan.protocol;
+    let card = plan.environments.is_some();
     let own = plan.contact() || card;
-    let errors = |truth: &[Vec<f64>], frames: &[Vec<f64>]| -> Result<PassiveReport> {
-        let (mut truth, mut replay) = (Replay::new(truth), Replay::new(frames));
-        Ok(passive(&plan.system, &plan.scene, &mut truth, &mut replay, config, &mut |_| ())?)
-    };
+    let errors =
+        |truth: &[Vec<f64>], frames: &[Vec<f64>]| plan.errors(&mut Replay::new(truth), &mut Replay::new(frames));
     let mut against = Against { version: mujoco.version.clone(), reference: reference.into(), reference_error: None };
     let mut theirs = Vec::new();
     if own {
@@ -59,7 +55,8 @@ pub(super) fn points(
         against.reference_error = Some(mean(&errors(&theirs, &half.frames)?.error));
     }
     let settings = settings(plan.contact(), card, most);
-    let (each, bar) = (plan.environments.unwrap_or(config.starts), progress::bar("MuJoCo", settings.len() as u64));
+    let each = plan.environments.unwrap_or(config.starts);
+    let bar = progress::bar("MuJoCo", settings.len() as u64);
     let mut points = Vec::new();
     for (k, (scheme, name, substeps)) in settings.into_iter().enumerate() {
         bar.set(k as u64);
@@ -70,10 +67,8 @@ pub(super) fn points(
             continue;
         };
         let memory = plan.environments.and_then(|_| card_memory(mujoco.process()));
-        points.push(
-            Point::new(name.into(), None, Some(substeps), seconds * 1e6 / (each * config.steps) as f64, report, own)
-                .with(memory),
-        );
+        let microseconds = seconds * 1e6 / (each * config.steps) as f64;
+        points.push(Point::new(name, Some(substeps), Timed { report, microseconds, memory }, own));
     }
     bar.finish();
     Ok((points, against))

@@ -10,19 +10,16 @@ use crate::prelude::*;
 use nerd_train::{cost::timed, spec::Method as Stepping};
 
 type Frames = Vec<Vec<f64>>;
-/// Errors, microseconds of a frame of one environment, GPU memory (MiB).
-type Timed = (PassiveReport, f64, Option<f64>);
 
 /// Points of every method, and the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
-    let Plan { system, scene, methods, protocol, .. } = plan;
+    let Plan { system, scene, methods, .. } = plan;
     let implicit = plan.contact() || plan.implicit;
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| SolverSpec::articulated(if implicit { Stepping::Implicit } else { Stepping::Rk4 }, n);
-    let bar = progress::bar("solvers", methods.len() as u64 + 1);
+    let bar = bar("solvers", methods.len() as u64 + 1);
     let mut converged = Recorder::new(exact(finest).solver(system, 1)?);
-    let base =
-        passive(system, scene, &mut converged, &mut *exact(finest / 2).solver(system, 1)?, *protocol, &mut |_| ())?;
+    let base = plan.errors(&mut converged, &mut *exact(finest / 2).solver(system, 1)?)?;
     let converged = converged.frames;
     let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
     bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
@@ -32,19 +29,18 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         bar.say(&method.spec.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &converged)).transpose()?;
         let theirs = theirs.as_ref().unwrap_or(&converged);
-        let compare =
-            |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
+        let compare = |solver: &mut dyn Solver| plan.errors(&mut Replay::new(theirs), solver);
         for (series, found) in each(plan, method, &compare) {
-            let point = found.and_then(|(report, microseconds, memory)| {
-                let Method { spec, own, .. } = method;
-                let point = Point::new(series, Some(spec.clone()), spec.asked(), microseconds, report, own.is_some())
-                    .with(memory);
+            let Method { spec, own, .. } = method;
+            let point = found.and_then(|timed| {
+                let mut point = Point::new(&series, spec.asked(), timed, own.is_some());
                 bounds::figures("its mean error", &[point.error])?;
+                point.spec = Some(spec.clone());
                 Ok(point)
             });
             match point {
                 Ok(point) => points.push(point),
-                Err(error) => bar.line(&format!("{}: left out, {error}", method.spec)),
+                Err(error) => bar.line(&format!("{spec}: left out, {error}")),
             }
         }
     }
@@ -52,7 +48,7 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let data = ChartData {
         robot: system.name.clone(),
         scene: scene.name.clone(),
-        protocol: *protocol,
+        protocol: plan.protocol,
         reference: format!("{reference}, {finest} substeps"),
         reference_error,
         hold,
@@ -71,23 +67,22 @@ fn each(
 ) -> Vec<(String, Result<Timed>)> {
     #[cfg(feature = "cuda")]
     if let Some(n) = plan.environments {
-        let Plan { system, scene, protocol, .. } = plan;
-        let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
-        let held = protocol.held(system);
-        let timed = |precision| card::timed(&begun, spec, precision, [n, protocol.steps], held.as_ref(), compare);
+        let begun = plan.begun();
+        let held = plan.protocol.held(&plan.system);
+        let timed = |precision| card::timed(&begun, spec, precision, [n, plan.protocol.steps], held.as_ref(), compare);
         let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
         return card::arithmetics(spec).iter().map(one).collect();
     }
-    let frames = plan.protocol.starts * plan.protocol.steps;
-    let found = spec.solver(&plan.system, plan.protocol.starts).map_err(Error::from).and_then(|solver| {
-        let (report, microseconds) = timed(solver, frames, compare)?;
-        Ok((report, microseconds, None))
+    let PassiveConfig { starts, steps, .. } = plan.protocol;
+    let found = spec.solver(&plan.system, starts).map_err(Error::from).and_then(|solver| {
+        let (report, microseconds) = timed(solver, starts * steps, compare)?;
+        Ok(Timed { report, microseconds, memory: None })
     });
     vec![(series.clone(), found)]
 }
 
 fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
     let mut truth = Recorder::new(truth);
-    passive(&plan.system, &plan.scene, &mut truth, &mut Replay::new(idle), plan.protocol, &mut |_| ())?;
+    plan.errors(&mut truth, &mut Replay::new(idle))?;
     Ok(truth.frames)
 }

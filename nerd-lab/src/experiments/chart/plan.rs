@@ -1,6 +1,7 @@
 //! A chart's settings, and the methods and scene they name.
 
-use crate::{describe::title, error::unused, prelude::*, roll::refusal};
+use crate::roll::{begun, refusal};
+use crate::{describe::title, error::unused, prelude::*};
 use nerd_sim::articulated::device::has_kernels;
 use nerd_train::{cost::powers, spec::Method as Stepping, spec::RapierSpec};
 
@@ -66,9 +67,7 @@ impl Chart {
         let card = self.device.is_cuda();
         unused(&[("--envs", !card && self.envs != Self::default().envs)], "without --device cuda")?;
         unused(&[("--targets", self.targets > 0.0 && system.robot.joint_count() == 0)], "for a robot without joints")?;
-        if card && !cfg!(feature = "cuda") {
-            bail!("--device cuda needs a build with `--features cuda`");
-        }
+        built_for(card)?;
         let mut models = self.model.clone();
         if models.is_empty() {
             models = shipped::folders(&shipped::models(), &system.name)?;
@@ -87,7 +86,8 @@ impl Chart {
         });
         let methods =
             settings.into_iter().chain(models.into_iter().map(SolverSpec::neural)).map(|spec| Method::new(spec, truth));
-        let (mut ready, mut refused) = (Vec::new(), Vec::new());
+        let mut ready = Vec::new();
+        let mut refused = Vec::new();
         if let Some(Err(reason)) =
             SolverSpec::from(truth).config(&system).filter(|_| card).map(|config| has_kernels(&config))
         {
@@ -109,6 +109,15 @@ impl Chart {
 impl Plan {
     pub fn contact(&self) -> bool {
         !self.scene.colliders.is_empty()
+    }
+
+    /// Environments at their starts.
+    pub fn begun(&self) -> Batch {
+        begun(&self.system, &self.scene, self.protocol.starts, Start::Reset, self.protocol.seed)
+    }
+
+    pub fn errors(&self, truth: &mut dyn Solver, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
+        passive(&self.system, &self.scene, truth, solver, self.protocol, &mut |_| ())
     }
 }
 
@@ -139,7 +148,8 @@ impl Method {
             let whose = if spec == truth.into() { " (NeRD's truth)" } else { "" };
             return Ok(Self { series: format!("{}{whose}", spec.series()), own: None, spec });
         };
-        let (name, own) = (title(&spec)?, Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth));
+        let name = title(&spec)?;
+        let own = Some(ModelConfig::truth_of(folder)?).filter(|own| *own != truth);
         let series = own.map_or(name.clone(), |own| format!("{name}, against {}", own.name()));
         Ok(Self { series, own, spec })
     }

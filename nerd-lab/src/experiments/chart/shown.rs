@@ -5,7 +5,7 @@ use nerd_train::evaluate::summary;
 use crate::prelude::*;
 use crate::report::{Mark, unbeaten};
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub(super) struct ChartData {
     pub robot: String,
     pub scene: String,
@@ -16,20 +16,20 @@ pub(super) struct ChartData {
     /// Error of the predictor that repeats the start.
     pub hold: f64,
     pub points: Vec<Point>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub mujoco: Option<Against>,
     /// Environments stepped together, if timed on a GPU.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub environments: Option<usize>,
 }
 
 /// One mark on the chart.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub(super) struct Point {
     series: String,
     /// The solver; `None` for another engine.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    spec: Option<SolverSpec>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spec: Option<SolverSpec>,
     substeps: Option<usize>,
     /// Time of a frame of one environment: on one core the fastest of a few runs, or one among many on a GPU.
     microseconds: f64,
@@ -39,62 +39,55 @@ pub(super) struct Point {
     diverged: usize,
     front: bool,
     /// Whether the error has a reference of its own; such a point is not on the front.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
     own: bool,
     /// GPU memory of the process (MiB).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     memory: Option<f64>,
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub(super) struct Against {
     pub version: String,
     pub reference: String,
     /// Distance of the reference from itself at half the substeps, if it is MuJoCo's own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_error: Option<f64>,
 }
 
 impl Point {
     /// A measured point; `own` if its reference is not the chart's.
     pub fn new(
-        series: String,
-        spec: Option<SolverSpec>,
+        series: &str,
         substeps: Option<usize>,
-        microseconds: f64,
-        report: PassiveReport,
+        Timed { report, microseconds, memory }: Timed,
         own: bool,
     ) -> Self {
-        let (error, diverged) = (mean(&report.error), report.diverged);
         Self {
-            series,
-            spec,
+            series: series.into(),
+            spec: None,
             substeps,
             microseconds,
-            error,
+            error: mean(&report.error),
+            diverged: report.diverged,
             by_coordinate: report.error,
-            diverged,
             front: false,
             own,
-            memory: None,
+            memory,
         }
-    }
-
-    pub fn with(self, memory: Option<f64>) -> Self {
-        Self { memory, ..self }
     }
 }
 
 impl ChartData {
     /// Marks the Pareto front; points with a reference of their own are excluded.
     pub fn mark(&mut self) {
-        let race: Vec<_> = self.points.iter().map(|p| (!p.own).then_some((p.microseconds, p.error))).collect();
+        let race = self.points.iter().map(|p| (!p.own).then_some((p.microseconds, p.error))).collect_vec();
         self.points.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
     }
 
     /// Time of a point outside the front, as a multiple of the front's time at the same error (log-log interpolation).
     fn times(&self, p: &Point) -> Option<f64> {
-        let mut ours: Vec<&Point> = self.points.iter().filter(|p| p.front).collect();
+        let mut ours = self.points.iter().filter(|p| p.front).collect_vec();
         ours.sort_by(|a, b| a.error.total_cmp(&b.error));
         let k =
             ours.windows(2).position(|pair| (pair[0].error..=pair[1].error).contains(&p.error)).filter(|_| p.own)?;
@@ -118,18 +111,9 @@ impl ChartData {
             }
             row
         });
-        let header = [
-            "solver",
-            "substeps",
-            "us a frame",
-            "error (rad or m)",
-            "diverged",
-            "front",
-            "frames/s",
-            "MiB",
-            "times ours",
-        ];
-        let header = &header[..if card { 9 } else { 6 }];
+        let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
+        let of_card = ["frames/s", "MiB", "times ours"].into_iter().filter(|_| card);
+        let header = header.into_iter().chain(of_card);
         let Self { robot, scene, protocol, reference, .. } = self;
         let mut note = format!(
             "{robot} {scene}, mean |dq| over {} frames{}, reference: {reference}",
@@ -144,7 +128,7 @@ impl ChartData {
             let error = reference_error.map_or_else(String::new, |e| format!(", whose own error is {}", digits(e)));
             note += &format!(". MuJoCo {version} is compared with {reference}{error}");
         }
-        Table::new(&format!("chart-{robot}-{scene}"), header).with(rows).noted(&(note + "."))
+        Table::new(&format!("chart-{robot}-{scene}"), header).with(rows).noted(note + ".")
     }
 
     pub fn figure(&self) -> Figure {
@@ -163,11 +147,9 @@ impl ChartData {
         levels.extend(
             (self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())),
         );
-        let of = self
-            .environments
-            .map_or_else(|| "one environment, one core".into(), |n| format!("one environment of {n} on a GPU"));
+        let of = self.environments.map_or_else(|| ", one core".into(), |n| format!(" of {n} on a GPU"));
         let axes = [
-            format!("microseconds a frame, {of}"),
+            format!("microseconds a frame, one environment{of}"),
             format!("mean |dq| over {} frames (rad or m)", self.protocol.steps),
         ];
         let title = format!("{}, {}: speed against accuracy (x4: four substeps a frame)", self.robot, self.scene);

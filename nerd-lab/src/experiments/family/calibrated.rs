@@ -19,7 +19,8 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
     let parameters = parameters(&pieces.system)?;
     let described = pieces.described();
     let fitted = |k: usize| -> Result<Arc<System>, CalibrateError> {
-        let (system, config) = (pieces.system.clone(), ArticulatedConfig::accurate(&pieces.system));
+        let system = pieces.system.clone();
+        let config = ArticulatedConfig::accurate(&pieces.system);
         let subject = Subject {
             scene: described.scenes[k].clone(),
             engine: Engine::Articulated(config),
@@ -48,7 +49,7 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
         .robot
         .joints()
         .flat_map(|joint| ["joint-damping", "joint-friction", "strength"].map(|what| format!("{what}:{}", joint.name)));
-    let names: Vec<String> = links.chain(brakes).collect();
+    let names = links.chain(brakes).collect_vec();
     let named = names.iter().map(|name| Parameter::named(system, name)).collect::<Result<Vec<_>, _>>()?;
     let mut driven = Parameter::driven(system)?;
     // Up to the largest delay that a family may have.
@@ -58,8 +59,9 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
 
 /// Frames seen of the k-th robot, cut into rollouts.
 fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
-    let (d, nq, joints) =
-        (pieces.system.robot.state_dim(), pieces.system.robot.nq(), pieces.system.robot.joint_count());
+    let d = pieces.system.robot.state_dim();
+    let nq = pieces.system.robot.nq();
+    let joints = pieces.system.robot.joint_count();
     let state = |frame: usize| &pieces.states[frame][k * d..(k + 1) * d];
     let torques = |frame: usize| pieces.torques[frame][k * joints..(k + 1) * joints].to_vec();
     let trial = |first: usize| {

@@ -42,17 +42,17 @@ settings! {
     }
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub struct Row {
     pub of: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
     /// By the number of frames seen; `None` without a result.
     pub reports: Vec<Option<PassiveReport>>,
     /// Microseconds of a frame of one robot, on all threads.
     pub microseconds: f64,
     /// Calibration time of one robot from the most frames seen, on one core (s).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }
 
@@ -83,8 +83,10 @@ impl Family {
 
     /// The robots' motions, with the longest history.
     pub fn pieces(&self) -> Result<Pieces> {
-        let (system, before) = (self.system()?, self.context_frames.iter().copied().max().unwrap_or(0));
-        let (frames, torque_scale) = (before + self.frames, Range { low: self.torque_scale, high: self.torque_scale });
+        let system = self.system()?;
+        let before = self.context_frames.iter().copied().max().unwrap_or(0);
+        let frames = before + self.frames;
+        let torque_scale = Range { low: self.torque_scale, high: self.torque_scale };
         bounds::time(&[("--trajectories", self.trajectories), ("frames", frames), ("substeps", system.spec.substeps)])?;
         let config = GenerateConfig {
             transitions: self.trajectories * frames,
@@ -99,7 +101,8 @@ impl Family {
     }
 
     pub fn rows(&self) -> Result<Vec<Row>> {
-        let (pieces, system) = (self.pieces()?, self.system()?);
+        let pieces = self.pieces()?;
+        let system = self.system()?;
         let bar = bar("solvers of a family", (4 + self.model.len()) as u64);
         let row = |of: String, model: Option<&Path>, pieces: &Pieces, solver: Box<dyn Solver>| -> Result<Row> {
             bar.say(&of);
@@ -135,7 +138,7 @@ impl Family {
                 let like = self.beside(&config.robot)?;
                 system
                     .alike(&like)
-                    .map_err(|e| anyhow::anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
+                    .map_err(|e| anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
                 (Pieces { system: like.clone(), ..pieces.described() }, like)
             };
             let solver = self.device.neural(folder, &like, None, pieces.count())?;
@@ -163,13 +166,14 @@ impl Family {
 
     /// The analytic solver, calibrated anew for each number of frames seen.
     fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
-        let (mut reports, mut seconds, mut timed) =
-            (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
+        let mut reports = Vec::new();
+        let mut seconds = 0.0f64;
+        let mut timed = Timed::new(pieces.system.spec.truth.solver(&pieces.system));
         for seen in &self.context_frames {
             let begun = Instant::now();
             let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
             let threads = rayon::current_num_threads().min(self.trajectories);
-            seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.trajectories as f64);
+            seconds = seconds.max(begun.elapsed().as_secs_f64() * threads as f64 / self.trajectories as f64);
             reports.push(fitted.map(|pieces| pieces.compare(&mut timed)).transpose()?);
         }
         let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
@@ -177,13 +181,9 @@ impl Family {
     }
 
     fn table(&self, system: &System, rows: &[Row]) -> Table {
-        let shown: Vec<String> = self.context_frames.iter().map(|seen| format!("{seen} seen")).collect();
-        let header = [
-            &["solver"],
-            &shown.iter().map(String::as_str).collect::<Vec<_>>()[..],
-            &["by quantity", "diverged", "us a frame", "s to know a robot"],
-        ]
-        .concat();
+        let shown = self.context_frames.iter().map(|seen| format!("{seen} seen"));
+        let last = ["by quantity", "diverged", "us a frame", "s to know a robot"].map(String::from);
+        let header = ["solver".into()].into_iter().chain(shown).chain(last);
         let cells = rows.iter().map(|row| {
             let bounded = |[error, spread]: [f64; 2]| format!("{} ± {}", digits(error), digits(spread));
             let errors = (0..self.context_frames.len()).map(|k| or_dash(row.error(k).map(bounded)));
@@ -194,9 +194,9 @@ impl Family {
                 format!("{:.1}", row.microseconds),
                 or_dash(row.seconds.map(digits)),
             ];
-            [row.of.clone()].into_iter().chain(errors).chain(rest).collect()
+            [row.of.clone()].into_iter().chain(errors).chain(rest).collect_vec()
         });
-        Table::new("family", &header).with(cells).noted(&format!(
+        Table::new("family", header).with(cells).noted(format!(
             "Mean |dq| over rollouts of {} frames of {} robots of `{}` that no model learned from, and over all quantities, ± the largest \
              standard error of one; by the frames that a solver was shown before. By quantity at the last: {}. Told: what was drawn, but for \
              ripples. Torques are {} times those of the training data, held for {} frames at most.",
@@ -214,34 +214,26 @@ impl Family {
             let point = |(k, seen): (usize, &usize)| Some((*seen.max(&1) as f64, row.error(k)?[0]));
             Series::new(row.of.clone(), Style::Line, self.context_frames.iter().enumerate().filter_map(point))
         };
-        let series = rows.iter().map(line).collect();
-        let panel =
-            Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };
-        Figure::single(format!("{}: error by frames seen", self.robot), panel)
+        let axes = ["frames seen", "mean error (rad or m)"].map(Axis::log);
+        Figure::lines(format!("{}: error by frames seen", self.robot), axes, rows.iter().map(line).collect())
     }
 }
 
 impl Experiment for Family {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
-        bounds::once("--context-frames", &self.context_frames.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        bounds::once("--context-frames", &self.context_frames.iter().map(ToString::to_string).collect_vec())?;
         unused(&[("--device", self.device != Device::Cpu && self.model.is_empty())], "without models")?;
         inputs.add(Input::robot(&*self.system()?));
-        for folder in &self.model {
-            inputs.add(Input::model(folder)?);
-        }
+        inputs.models(&self.model)?;
         let effort = (self.trajectories * self.frames * self.context_frames.len()) as f64;
         Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        #[derive(Serialize)]
-        struct Found<'a> {
-            settings: &'a Family,
-            rows: &'a [Row],
-        }
-        let (system, rows) = (self.system()?, self.rows()?);
-        let table = self.table(&system, &rows);
-        Ok(Measured::new(&Found { settings: self, rows: &rows }, vec![table])?.with("seen", self.figure(&rows)))
+        let rows = self.rows()?;
+        let table = self.table(&*self.system()?, &rows);
+        let data = serde_json::json!({ "settings": self, "rows": rows });
+        Ok(Measured::new(&data, vec![table])?.with("seen", self.figure(&rows)))
     }
 }

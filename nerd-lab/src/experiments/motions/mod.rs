@@ -34,14 +34,14 @@ settings! {
     }
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub struct MotionErrors {
     pub robot: String,
     pub reference: String,
     pub rows: Vec<Row>,
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize)]
 pub struct Row {
     pub series: String,
     pub substeps: Option<usize>,
@@ -76,30 +76,22 @@ impl Motions {
                 self.robot
             );
         }
-        let (settings, finest) = (self.settings(), 4 * self.max_substeps);
-        bounds::memory(
-            &[("--trajectories", self.trajectories), ("--frames", self.frames)],
-            64 * system.robot.state_dim(),
-        )?;
-        bounds::time(&[
-            ("--trajectories", self.trajectories),
-            ("--frames", self.frames),
-            ("4 x --max-substeps", finest),
-        ])?;
+        let settings = self.settings();
+        let finest = 4 * self.max_substeps;
+        let frames = [("--trajectories", self.trajectories), ("--frames", self.frames)];
+        bounds::memory(&frames, 64 * system.robot.state_dim())?;
+        bounds::time(&[frames[0], frames[1], ("4 x --max-substeps", finest)])?;
         // A model of another robot is refused before the reference is made.
         let solvers =
             settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
-        let bar = progress::bar("solvers", settings.len() as u64 + 1);
+        let bar = bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         let recorded = self.record(&system, finest)?;
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (setting, solver) in settings.iter().zip(solvers) {
                 bar.add(1);
-                let series = match setting {
-                    spec if spec.folder().is_some() => title(spec)?,
-                    other => other.series().to_string(),
-                };
+                let series = if setting.is_neural() { title(setting)? } else { setting.series().to_string() };
                 rows.push(Row::new(&series, Some(setting), recorded.roll_out(solver)?, &recorded)?);
             }
             let floors: [(&str, Box<dyn Solver>); 2] =
@@ -118,15 +110,15 @@ impl Motions {
     }
 
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
-        let (starts, frames) = (self.trajectories, self.frames);
-        let config =
-            GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };
+        let Self { trajectories: starts, frames, seed, .. } = *self;
+        let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };
         // One by one: a batch of a few motions would keep a core or two busy.
         let one = |env: usize| {
             Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?)
         };
         let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
-        let (d, mut data) = (system.robot.state_dim(), Data::new(&system.robot));
+        let d = system.robot.state_dim();
+        let mut data = Data::new(&system.robot);
         let mut points = |frame: usize, own: &Recording| {
             contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data)
         };
@@ -144,7 +136,8 @@ impl Row {
     fn new(series: &str, setting: Option<&SolverSpec>, rollout: Rollout, recorded: &Recorded) -> Result<Self> {
         let (curve, motions) = distances(&rollout.points, &recorded.points, &rollout.failed, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
-        let (lost, substeps) = (rollout.failed.len() - motions.len(), setting.and_then(SolverSpec::asked));
+        let lost = rollout.failed.len() - motions.len();
+        let substeps = setting.and_then(SolverSpec::asked);
         Ok(Self {
             series: series.into(),
             substeps,
@@ -162,7 +155,7 @@ impl Experiment for Motions {
         let scene = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
         let mut inputs =
             Inputs(vec![Input::robot(&system), Input::motion(&self.robot, &scene, &SolverSpec::implicit(4))?]);
-        self.model.iter().try_for_each(|model| Input::model(model).map(|model| inputs.add(model)))?;
+        inputs.models(&self.model)?;
         let effort = ((self.settings().len() + 2) * self.trajectories * self.frames) as f64;
         Ok(About { name: self.name(), seed: self.seed, effort, inputs })
     }

@@ -30,13 +30,17 @@ pub struct Rollout {
 
 impl Recorded {
     pub fn roll_out(&self, mut solver: Box<dyn Solver>) -> Result<Rollout> {
-        let (mut batch, robot, n) = (self.start.clone(), &self.start.system.robot, self.start.len());
+        let mut batch = self.start.clone();
+        let robot = &self.start.system.robot;
+        let n = self.start.len();
         // An untimed first frame: it allocates memory for all others.
         if let Err(error) = solver.step(&mut batch.clone(), &self.torques_of(0)) {
             error.faults()?;
         }
         (0..n).for_each(|env| solver.reset(env));
-        let (mut failed, mut points, mut spent) = (vec![false; n], Vec::with_capacity(self.frames), Duration::ZERO);
+        let mut failed = vec![false; n];
+        let mut points = Vec::with_capacity(self.frames);
+        let mut spent = Duration::ZERO;
         let mut data = Data::new(robot);
         for frame in 0..self.frames {
             let torques = self.torques_of(frame);
@@ -76,12 +80,13 @@ pub fn contact_points(robot: &Robot, state: &[f64], data: &mut Data) -> Vec<Vect
 pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
     let distance = |frame: usize, env: usize| {
         let pairs = points[frame][env].iter().zip(&recorded[frame][env]);
-        mean(&pairs.map(|(a, b)| (a - b).norm()).collect::<Vec<_>>())
+        mean(&pairs.map(|(a, b)| (a - b).norm()).collect_vec())
     };
-    let (frames, size) = (points.len(), recorded.iter().flatten().flatten().map(|p| p.norm()).fold(0.0, f64::max));
+    let frames = points.len();
+    let size = recorded.iter().flatten().flatten().map(|p| p.norm()).fold(0.0, f64::max);
     let left = |env: usize| solves && (0..frames).any(|frame| distance(frame, env) > FAR * size);
-    let kept: Vec<usize> = (0..failed.len()).filter(|env| !failed[*env] && !left(*env)).collect();
-    let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect::<Vec<_>>());
+    let kept = (0..failed.len()).filter(|env| !failed[*env] && !left(*env)).collect_vec();
+    let over = |all: &mut dyn Iterator<Item = f64>| mean(&all.collect_vec());
     let curve = |frame: usize| over(&mut kept.iter().map(|env| distance(frame, *env)));
     let curve = (0..frames).filter(|_| !kept.is_empty()).map(curve).collect();
     (curve, kept.iter().map(|env| over(&mut (0..frames).map(|frame| distance(frame, *env)))).collect())

@@ -6,7 +6,7 @@ use crate::report::Mark;
 
 impl Motions {
     pub fn table(&self, data: &MotionErrors) -> Table {
-        let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
+        let shown = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect_vec();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
             let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame - 1).copied().unwrap_or(f64::NAN)));
@@ -19,22 +19,20 @@ impl Motions {
                 of(0.95),
                 of(1.0),
             ];
-            first.into_iter().chain(frames).chain([row.lost.to_string()]).collect()
+            first.into_iter().chain(frames).chain([row.lost.to_string()])
         });
-        let frames: Vec<String> = shown.iter().map(|frame| format!("frame {frame}")).collect();
-        let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].into_iter();
-        let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
-        let note = format!(
+        let frames = shown.iter().map(|frame| format!("frame {frame}"));
+        let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].map(String::from);
+        let header = header.into_iter().chain(frames).chain(["lost".into()]);
+        let mut note = format!(
             "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
             data.robot, self.frames, self.trajectories, data.reference
         );
         let lost: usize = data.rows.iter().map(|row| row.lost).sum();
-        let left = if lost > 0 {
-            format!(" {lost} were lost by some solver, and are in no other figure of its row.")
-        } else {
-            String::new()
-        };
-        Table::new(&self.name(), &header).with(rows).noted(&(note + &left))
+        if lost > 0 {
+            note += &format!(" {lost} were lost by some solver, and are in no other figure of its row.");
+        }
+        Table::new(&self.name(), header).with(rows).noted(note)
     }
 
     pub(super) fn figure(&self, data: &MotionErrors) -> Figure {

@@ -57,7 +57,7 @@ settings! {
     }
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Case {
     pub robot: String,
     pub solver: SolverSpec,
@@ -82,13 +82,13 @@ impl Case {
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
             let mut asked = asked.clone();
             // rapier as a truth costs a hundred times as much as ours.
-            asked.trajectories = if ModelConfig::truth_of(&folder)? == Truth::Rapier {
-                asked.trajectories.div_ceil(4)
-            } else {
-                asked.trajectories
-            };
+            if ModelConfig::truth_of(&folder)? == Truth::Rapier {
+                asked.trajectories = asked.trajectories.div_ceil(4);
+            }
             // Franka holds still without torques, so its model is tested under random ones.
-            asked.torque_scale = if robot.starts_with("franka") { 1.0 } else { asked.torque_scale };
+            if robot.starts_with("franka") {
+                asked.torque_scale = 1.0;
+            }
             Ok(Self { robot, solver: SolverSpec::neural(folder).on(device), truth: None, asked })
         };
         models.into_iter().map(case).collect()
@@ -116,70 +116,48 @@ impl Passive {
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            let Protocol {
-                trajectories: starts,
-                frames,
-                seed,
-                torque_scale,
-                context_frames,
-                every,
-                beside,
-                evaluations,
-                ..
-            } = case.asked.clone();
-            let evaluated = evaluations != Protocol::default().evaluations;
+            let given = &case.asked;
             let idle = [
-                ("--context-frames", context_frames.is_some()),
-                ("--every", every.is_some()),
-                ("--beside", beside.is_some()),
-                ("--evaluations", evaluated),
+                ("--context-frames", given.context_frames.is_some()),
+                ("--every", given.every.is_some()),
+                ("--beside", given.beside.is_some()),
+                ("--evaluations", given.evaluations != Protocol::default().evaluations),
             ];
             unused(&idle, "without --data")?;
             let system = System::named(&case.robot)?;
-            let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
+            let mut scenes = given.scene.iter().map(String::as_str).collect_vec();
             if scenes.is_empty() {
                 scenes = system.usual_scenes();
             }
             let learned = case.solver.folder().map(ModelConfig::truth_of).transpose()?;
             let truth = case.truth.or(learned).unwrap_or(system.spec.truth);
-            let steps = frames.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
-            let action = match torque_scale {
-                0.0 => Action::Zero,
-                factor => Action::Random(factor),
-            };
-            let protocol = PassiveConfig { starts, steps, seed, action };
-            let method = match case.asked.velocity_noise {
-                0.0 => title(&case.solver)?,
-                by => format!("{}, shaken by {by}", title(&case.solver)?),
-            };
-            let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
-            for scene in found {
+            let steps = given.frames.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
+            let action = if given.torque_scale == 0.0 { Action::Zero } else { Action::Random(given.torque_scale) };
+            let protocol = PassiveConfig { starts: given.trajectories, steps, seed: given.seed, action };
+            for scene in scenes {
+                let mut method = title(&case.solver)?;
+                if given.velocity_noise != 0.0 {
+                    method += &format!(", shaken by {}", given.velocity_noise);
+                }
+                let scene = system.scene(scene)?;
                 check(case, truth, &system, &scene, steps)?;
-                asked.push(Asked {
-                    case: case.clone(),
-                    system: system.clone(),
-                    scene,
-                    truth,
-                    method: method.clone(),
-                    protocol,
-                });
+                asked.push(Asked { case: case.clone(), system: system.clone(), scene, truth, method, protocol });
             }
         }
         Ok(Self { name: name.into(), seed: cases.first().map_or(0, |case| case.asked.seed), asked })
     }
 
     pub fn rows(&self) -> Result<Rows> {
-        let bar = progress::bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
-        let (mut done, mut rows) = (0, Vec::new());
+        let bar = bar("rollout frames", self.asked.iter().map(|a| a.work() as u64).sum());
+        let mut done = 0;
+        let mut rows = Vec::new();
         for asked in &self.asked {
             bar.say(&format!("{} in {}", asked.system.name, asked.scene.name));
             let row = asked.measure(&mut |step| bar.set((done + step * asked.protocol.starts) as u64))?;
             if row.report.error.iter().all(|error| *error == 0.0) {
-                let (method, truth) = (&row.method, &row.truth);
+                let Row { method, truth, robot, scene, .. } = &row;
                 tell!(
-                    "note: `{method}` moves {} in {} as `{truth}` to the bit: nothing that its settings change acts there",
-                    row.robot,
-                    row.scene
+                    "note: `{method}` moves {robot} in {scene} as `{truth}` to the bit: nothing that its settings change acts there"
                 );
             }
             rows.push(row);
@@ -188,10 +166,8 @@ impl Passive {
         bar.finish();
         for (asked, row) in self.asked.iter().zip(&mut rows) {
             // Keeps the rows if a verdict fails.
-            row.verdict = asked.verdict().unwrap_or_else(|error| {
-                nerd_train::tell!("{}: no verdict: {error:#}", asked.system.name);
-                None
-            });
+            let found = asked.verdict().inspect_err(|error| tell!("{}: no verdict: {error:#}", asked.system.name));
+            row.verdict = found.unwrap_or_default();
         }
         Ok(Rows { rows })
     }
@@ -199,9 +175,8 @@ impl Passive {
 
 /// Refuses a comparison of a solver with itself, and more work or memory than allowed.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
-    let itself = case.solver.moves_as(&truth.into(), system, scene);
-    let Protocol { trajectories, velocity_noise, .. } = case.asked;
-    if itself && velocity_noise == 0.0 {
+    let trajectories = case.asked.trajectories;
+    if case.solver.moves_as(&truth.into(), system, scene) && case.asked.velocity_noise == 0.0 {
         bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural, rapier or articulated(substeps=N), \
              or --velocity-noise",
@@ -226,19 +201,16 @@ impl Asked {
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
         bounds::figures(&whose("hold-last error"), &report.hold)?;
-        let (robot, scene) = (system.name.clone(), scene.name.clone());
-        // The paper's errors are against the reference simulator, so they appear beside that truth only.
-        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper);
-        let model = case.solver.folder().map(shipped::from_root);
         Ok(Row {
-            robot,
+            // The paper's errors are against the reference simulator, so they appear beside that truth only.
+            paper: paper::passive_error(&system.name, &scene.name).filter(|_| *truth == Truth::Paper),
+            robot: system.name.clone(),
             method: method.clone(),
-            model,
-            scene,
+            model: case.solver.folder().map(shipped::from_root),
+            scene: scene.name.clone(),
             truth: truth.name(),
             protocol: *protocol,
             report,
-            paper,
             verdict: None,
         })
     }
@@ -274,9 +246,7 @@ impl Experiment for Passive {
 
     fn measure(&self) -> Result<Measured> {
         let rows = self.rows()?;
-        Measured::new(
-            &rows,
-            [Some(rows.table()), Some(rows.summary()), rows.verdicts()].into_iter().flatten().collect(),
-        )
+        let tables = [rows.table(), rows.summary()].into_iter().chain(rows.verdicts());
+        Measured::new(&rows, tables.collect())
     }
 }

@@ -37,13 +37,10 @@ pub struct Found {
 impl Recorded {
     /// The model in a folder and the log at `path`; with `card` the model is also timed on a GPU.
     pub fn new(name: &str, path: &Path, folder: &Path, asked: &Protocol, card: bool) -> Result<Self> {
-        if card && !cfg!(feature = "cuda") {
-            bail!("--device cuda needs a build with `--features cuda`");
-        }
+        built_for(card)?;
         let usual = Protocol::default();
-        let Some(path) = Log::path(path) else {
-            bail!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display())
-        };
+        let missing = || format!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display());
+        let path = Log::path(path).with_context(missing)?;
         let idle = [
             ("--scene", !asked.scene.is_empty()),
             ("--torque-scale", asked.torque_scale != usual.torque_scale),
@@ -73,15 +70,15 @@ impl Recorded {
     pub fn found(&self) -> Result<Found> {
         let Self { asked, log, model, .. } = self;
         let usual = log.rollouts(&log.held_out, &model.config.network, 1)?;
-        let (before, frames) = (asked.context_frames.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
+        let before = asked.context_frames.unwrap_or(usual.before);
+        let frames = asked.frames.unwrap_or(usual.frames());
         let (pieces, beside) = match &asked.beside {
             None => {
                 (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.trajectories)?, None)
             }
             Some(path) => {
-                let Some(path) = Log::path(path) else {
-                    bail!("--beside {}: name the TOML of a log, or its folder", path.display())
-                };
+                let missing = || format!("--beside {}: name the TOML of a log, or its folder", path.display());
+                let path = Log::path(path).with_context(missing)?;
                 let other = nerd_sim::log::Log::read(&path, None)?;
                 let (pieces, states) = log.beside(&other, before, asked.frames, asked.trajectories)?;
                 let of = other.about.unwrap_or_else(|| Log::name(&path));
@@ -106,13 +103,14 @@ impl Recorded {
 
     #[cfg(feature = "cuda")]
     fn on_card(&self, pieces: &Pieces) -> Result<Vec<Row>> {
-        let (setting, system) = (SolverSpec::neural(&self.folder), &pieces.system);
+        let setting = SolverSpec::neural(&self.folder);
+        let system = &pieces.system;
         let mut begun = Batch::new(system, &pieces.scenes[0], pieces.count());
         begun.states.copy_from_slice(&pieces.states[pieces.before]);
         let row = |(precision, word): &(_, &str)| {
-            let (n, frames) = (TOGETHER, pieces.frames());
-            let (report, microseconds, _) =
-                card::timed(&begun, &setting, *precision, [n, frames], None, &|solver| pieces.compare(solver))?;
+            let compare = |solver: &mut dyn Solver| pieces.compare(solver);
+            let Timed { report, microseconds, .. } =
+                card::timed(&begun, &setting, *precision, [TOGETHER, pieces.frames()], None, &compare)?;
             let errors = nerd_train::evaluate::summary(system, &report.error);
             Ok(Row { of: format!("model on a GPU{word}"), errors, microseconds, diverged: report.diverged })
         };
@@ -131,8 +129,8 @@ impl Recorded {
             ]
         };
         let header = ["arithmetic", "error", "us a frame, among many", "frames/s"];
-        let card = (!card.is_empty()).then(|| Table::new("card", &header).with(card.iter().map(line)));
-        [Some(self.table(verdict)), card].into_iter().flatten().collect()
+        let card = (!card.is_empty()).then(|| Table::new("card", header).with(card.iter().map(line)));
+        [self.table(verdict)].into_iter().chain(card).collect()
     }
 
     fn table(&self, verdict: &Verdict) -> Table {
@@ -144,15 +142,14 @@ impl Recorded {
             self.log.held_out(),
             verdict.line()
         );
-        Table::new("verdict", &Verdict::HEADER).with(verdict.cells()).noted(&note)
+        Table::new("verdict", &Verdict::HEADER).with(verdict.cells()).noted(note)
     }
 }
 
 impl Experiment for Recorded {
     fn about(&self) -> Result<About> {
-        let mut inputs = Inputs::default();
-        inputs.add(Input::Data { name: self.log.truth.clone(), sha256: self.log.sha256.clone() });
-        inputs.add(Input::model(&self.folder)?);
+        let log = Input::Data { name: self.log.truth.clone(), sha256: self.log.sha256.clone() };
+        let inputs = Inputs(vec![log, Input::model(&self.folder)?]);
         let effort = (self.asked.trajectories * self.asked.frames.unwrap_or(1)) as f64;
         Ok(About { name: self.name.clone(), seed: 0, effort, inputs })
     }

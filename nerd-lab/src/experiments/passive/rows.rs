@@ -7,17 +7,17 @@ use nerd_train::verdict::Verdict;
 use crate::prelude::*;
 use crate::report::{Artifact, Manifest};
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Rows {
     pub rows: Vec<Row>,
 }
 
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct Row {
     pub robot: String,
     /// Solver; for a model, its form and size.
     pub method: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
     pub scene: String,
     pub truth: String,
@@ -26,14 +26,23 @@ pub struct Row {
     /// Published errors, for the reference simulator's preset alone.
     pub paper: Option<Vec<f64>>,
     /// The model's verdict, from the first of the starts.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
 }
 
 impl Rows {
     pub fn table(&self) -> Table {
-        let errors = ["error (rad or m)", "standard error", "paper", "hold last"];
-        let header = [&["robot", "method", "scene", "starts x steps"], &errors[..], &["diverged"]].concat();
+        let header = [
+            "robot",
+            "method",
+            "scene",
+            "starts x steps",
+            "error (rad or m)",
+            "standard error",
+            "paper",
+            "hold last",
+            "diverged",
+        ];
         let cells = self.rows.iter().map(|r| {
             let p = &r.report;
             vec![
@@ -48,7 +57,7 @@ impl Rows {
                 p.diverged.to_string(),
             ]
         });
-        Table::new("passive", &header).with(cells).noted(
+        Table::new("passive", header).with(cells).noted(
             "Mean |dq| over all frames and trajectories, by joint; of more than two joints the mean, before it position (m) and \
              orientation (rad) of a floating base. Where no truth is named it is the robot's own: `articulated accurate`, of a robot \
              `NAME-paper` the reference simulator's preset, which alone the paper's figures can stand beside.",
@@ -57,23 +66,19 @@ impl Rows {
 
     /// Verdicts of the models, if there are any: a table, and a line for each.
     pub fn verdicts(&self) -> Option<Table> {
-        let verdicts: Vec<&Verdict> = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect();
-        let first = verdicts.first()?;
-        let alike = |same: &dyn Fn(&Verdict) -> bool| verdicts.iter().all(|v| same(v));
+        let verdicts = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect_vec();
+        let quantities = verdicts.first()?.quantities.join(" / ");
+        let alike = verdicts.iter().map(|v| &v.quantities).all_equal();
+        let starts = verdicts.iter().map(|v| v.protocol.starts).all_equal_value();
         let place = |v: &Verdict| format!("{}, {}", v.robot, v.scene);
         let cells = verdicts.iter().flat_map(|v| v.cells().into_iter().map(|cells| [vec![place(v)], cells].concat()));
-        let lines: Vec<String> = verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).collect();
         let note = format!(
-            "Error: {}, from {} starts; time and error are of the same steps on one core.\n\n{}",
-            if alike(&|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
-            if alike(&|v| v.protocol.starts == first.protocol.starts) {
-                format!("the first {}", first.protocol.starts)
-            } else {
-                "the first".into()
-            },
-            lines.join("\n")
+            "Error: {}, from the first{} starts; time and error are of the same steps on one core.\n\n{}",
+            if alike { &quantities } else { "as above" },
+            starts.map_or_else(|_| String::new(), |starts| format!(" {starts}")),
+            verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).join("\n")
         );
-        Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))
+        Some(Table::new("verdict", ["robot, scene"].iter().chain(&Verdict::HEADER)).with(cells).noted(note))
     }
 
     /// The default model of each robot and truth; of a robot's grounds the one with the largest error.
@@ -82,14 +87,15 @@ impl Rows {
             let default = |truth: Truth| shipped::from_root(&shipped::model(truth, &r.robot));
             r.model.as_ref().is_none_or(|m| Truth::named(&r.truth).is_ok_and(|truth| default(truth) == *m))
         };
-        let mut rows: Vec<&Row> = self.rows.iter().filter(usual).collect();
+        let mut rows = self.rows.iter().filter(usual).collect_vec();
         if rows.is_empty() {
             rows = self.rows.iter().collect();
         }
-        let same = |a: &Row, b: &Row| {
-            (&a.robot, &a.method, &a.truth) == (&b.robot, &b.method, &b.truth) && a.touches() == b.touches()
-        };
-        let lines = rows.chunk_by(|a, b| same(a, b)).filter_map(|grounds| {
+        // Contact-free motion has a line of its own.
+        fn group(row: &Row) -> (&str, &str, &str, bool) {
+            (&row.robot, &row.method, &row.truth, row.scene == "free")
+        }
+        let lines = rows.chunk_by(|a, b| group(a) == group(b)).filter_map(|grounds| {
             let r = *grounds.iter().max_by(|a, b| mean(&a.report.error).total_cmp(&mean(&b.report.error)))?;
             let n = grounds.len();
             let scene = if n > 1 { format!("{}, the largest of {n}", r.scene) } else { r.scene.clone() };
@@ -103,36 +109,33 @@ impl Rows {
                 or_dash(r.verdict.as_ref().map(|v| v.worth())),
             ])
         });
-        let lines: Vec<_> = lines.collect();
-        Table::new(
-            "summary",
-            &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last", "what it is worth"],
-        )
-        .with(lines)
+        let header =
+            ["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last", "what it is worth"];
+        Table::new("summary", header).with(lines)
     }
 
     /// Error over frames, a line for each of the robot's rows; `None` if there are none.
     pub fn growth(&self, robot: &str) -> Option<Figure> {
-        let rows = self.rows.iter().filter(|row| row.robot == robot);
         let line = |row: &Row| {
-            let points = row.report.curve.iter().enumerate().map(|(frame, error)| (frame as f64 + 1.0, *error));
+            let points = row.report.curve.iter().zip(1..).map(|(error, frame)| (f64::from(frame), *error));
             Series::new(format!("{}, {}", row.scene, row.method), Style::Line, points)
         };
-        let series: Vec<Series> = rows.map(line).collect();
-        let panel = Panel { x: Axis::log("frame"), y: Axis::log("mean error (rad or m)"), ..Panel::default() };
-        (!series.is_empty()).then(|| Figure::single(format!("{robot}: passive motion"), Panel { series, ..panel }))
+        let series = self.rows.iter().filter(|row| row.robot == robot).map(line).collect_vec();
+        let axes = ["frame", "mean error (rad or m)"].map(Axis::log);
+        (!series.is_empty()).then(|| Figure::lines(format!("{robot}: passive motion"), axes, series))
     }
 
     /// Agreement with another measurement of the same rows, in words; `None` if no row is in both.
     pub fn agreement(&self, other: &Self) -> Option<String> {
         let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));
-        let apart: Vec<(f64, &Row)> = pairs.map(|(a, b)| (a.apart(b), a)).collect();
+        let apart = pairs.map(|(a, b)| (a.apart(b), a)).collect_vec();
         let (most, row) = *apart.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-        let near = apart.iter().filter(|(by, _)| *by <= 3.0).count();
-        let where_ = format!("{} in {}", row.whose(), row.scene);
         Some(format!(
-            "{near} of {} errors within three standard errors, the farthest {most:.1} ({where_})",
-            apart.len()
+            "{} of {} errors within three standard errors, the farthest {most:.1} ({} in {})",
+            apart.iter().filter(|(by, _)| *by <= 3.0).count(),
+            apart.len(),
+            row.whose(),
+            row.scene
         ))
     }
 }
@@ -140,22 +143,17 @@ impl Rows {
 impl Row {
     /// Whether both rows measure the same model in the same scene, under the same torques.
     fn measures(&self, other: &Self) -> bool {
-        let what = |r: &Self| {
-            (
-                r.robot.clone(),
-                r.method.clone(),
-                r.scene.clone(),
-                r.truth.clone(),
-                r.protocol.steps,
-                r.protocol.action.to_string(),
-            )
-        };
-        what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
+        let PassiveConfig { steps, action, .. } = self.protocol;
+        [&self.robot, &self.method, &self.scene, &self.truth]
+            == [&other.robot, &other.method, &other.scene, &other.truth]
+            && (steps, action) == (other.protocol.steps, other.protocol.action)
+            && (self.model.is_none() || other.model.is_none() || self.model == other.model)
     }
 
     /// Largest difference of the errors, in combined standard errors.
     fn apart(&self, other: &Self) -> f64 {
-        let (a, b) = (&self.report, &other.report);
+        let a = &self.report;
+        let b = &other.report;
         let each = a.error.iter().zip(&b.error).zip(a.standard_error.iter().zip(&b.standard_error));
         each.map(|((x, y), (s, t))| if x == y { 0.0 } else { (x - y).abs() / s.hypot(*t) }).fold(0.0, f64::max)
     }
@@ -174,24 +172,16 @@ impl Row {
     }
 
     fn bounded(&self) -> String {
-        let (error, spread) = (self.summary(&self.report.error), self.summary(&self.report.standard_error));
+        let error = self.summary(&self.report.error);
+        let spread = self.summary(&self.report.standard_error);
         let two = |s: f64| format!("{s:.*}", (1 - s.log10().floor().max(-9.0) as i32).max(0) as usize);
         let shown = |s: f64| if s > 0.0 { two(s) } else { s.to_string() };
-        error
-            .iter()
-            .zip(&spread)
-            .map(|(e, s)| format!("{} ± {}", digits(*e), shown(*s)))
-            .collect::<Vec<_>>()
-            .join(" / ")
+        error.into_iter().zip(spread).map(|(e, s)| format!("{} ± {}", digits(e), shown(s))).join(" / ")
     }
 
     fn whose(&self) -> String {
         let own = self.system().map_or_else(Truth::default, |system| system.spec.truth);
         if self.truth == own.name() { self.robot.clone() } else { format!("{} ({})", self.robot, self.truth) }
-    }
-
-    fn touches(&self) -> bool {
-        self.scene != "free"
     }
 }
 
@@ -202,14 +192,15 @@ pub fn unworthy(manifest: &Manifest, results: &Path, models: &Path) -> Result<Ve
     let measured: Vec<(Artifact, Rows)> = measured.filter_map(|a| a.parse().ok().map(|rows| (a, rows))).collect();
     let mut lines = Vec::new();
     for folder in shipped::folders(models, "")? {
-        let (config, input) = (ModelConfig::read(&folder)?, Input::model(&folder)?);
+        let config = ModelConfig::read(&folder)?;
+        let input = Input::model(&folder)?;
         if config.truth == Truth::Paper.name() || config.network.architecture == Architecture::Chain {
             continue;
         }
         let own =
             measured.iter().filter(|(result, _)| result.inputs.0.contains(&input)).flat_map(|(_, rows)| &rows.rows);
         let own = own.filter(|row| row.model.as_ref() == Some(&input.name())).filter_map(|row| row.verdict.as_ref());
-        let own: Vec<&Verdict> = own.collect();
+        let own = own.collect_vec();
         if own.is_empty() {
             lines.push(format!(
                 "{}: no result has a verdict on these weights; `cargo xtask results make passive` does",

@@ -19,7 +19,9 @@ impl Policies {
             let config = arena.settings(&task, Some(&self.recipe), None)?;
             for seed in &self.fresh_seeds {
                 let out = self.runs.join(format!("{}-neural-{seed}", nerd_tasks::word(&task)));
-                let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
+                let task = task.clone();
+                let arena = arena.clone();
+                let config = config.clone();
                 runs.push(PolicyRun { task, arena, config, seed: *seed, minutes: self.minutes, out });
             }
         }
@@ -28,7 +30,8 @@ impl Policies {
 
     /// Number of policies of the protocol, and their inputs.
     pub(super) fn frozen(&self) -> Result<(usize, Inputs)> {
-        let (runs, mut inputs) = (self.plan()?, Inputs::default());
+        let runs = self.plan()?;
+        let mut inputs = Inputs::default();
         runs.iter().try_for_each(|run| self.played(&run.task, true, &mut inputs))?;
         Ok((runs.len(), inputs))
     }

@@ -5,7 +5,7 @@ use nerd_train::ppo::folder::{self, PolicyConfig};
 use nerd_train::{ppo::Policy, shipped::from_root};
 use rayon::prelude::*;
 
-use super::games::{Compared, depend, games, input_of, model_of, no_model};
+use super::games::{Compared, depend, fallen, games, input_of, model_of, no_model, still};
 use crate::{error::unused, prelude::*};
 
 mod fresh;
@@ -52,7 +52,8 @@ pub use tables::{Row, short, terms};
 
 impl Policies {
     pub fn folders(&self) -> Result<Vec<PathBuf>> {
-        let (usual, bare) = (Self::default(), self.truth_only && self.family.is_none());
+        let usual = Self::default();
+        let bare = self.truth_only && self.family.is_none();
         unused(&[("--device", bare && self.device != usual.device)], "with --truth-only and no --family")?;
         let rest = [
             ("--task", !self.task.is_empty()),
@@ -71,6 +72,11 @@ impl Policies {
             );
         }
         Ok(found)
+    }
+
+    /// Whether policies of new seeds are trained first.
+    fn fresh(&self) -> bool {
+        !self.fresh_seeds.is_empty()
     }
 
     /// Whether policies are played in the truth alone.
@@ -93,7 +99,8 @@ impl Policies {
 
     /// Number of the given policies, and the inputs of their episodes.
     fn given(&self) -> Result<(usize, Inputs)> {
-        let (folders, mut inputs) = (self.folders()?, Inputs::default());
+        let folders = self.folders()?;
+        let mut inputs = Inputs::default();
         for path in &folders {
             self.played(&folder::load(path)?.0.task, !self.alone(), &mut inputs)?;
             inputs.add(Input::policy(path)?);
@@ -101,12 +108,13 @@ impl Policies {
         Ok((folders.len(), inputs))
     }
 
-    /// The truth on the device.
-    fn home(&self, truth: Truth) -> Result<SolverSpec> {
+    /// The truth of a task's policies; with --family, of its robots and on the device.
+    fn home(&self, task: &str, truth: Truth) -> Result<Arena> {
+        let Some(family) = &self.family else { return Ok(truth.into()) };
         if self.device != Device::Cpu && truth == Truth::Rapier {
             bail!("--device {}: rapier is on the CPU", self.device);
         }
-        Ok(SolverSpec::from(truth).on(self.device))
+        Ok(Arena::family(task, family, SolverSpec::from(truth).on(self.device))?)
     }
 
     /// Adds the inputs of a task's episodes: in the truth, and if `learned` in the model.
@@ -114,7 +122,8 @@ impl Policies {
         let (model, truth) = self.host(task)?;
         depend(inputs, task, truth)?;
         if let Some(family) = &self.family {
-            let (arena, path) = (Arena::family(task, family, self.home(truth)?)?, Path::new(family));
+            let arena = self.home(task, truth)?;
+            let path = Path::new(family);
             if path.exists() {
                 // A user's file cannot be found by a robot's name.
                 inputs.add(Input::files(family, &[path.into(), path.with_extension("toml")])?);
@@ -131,22 +140,19 @@ impl Policies {
 
     /// A row for every policy, and one of zero actions for each task outside the built-in list.
     fn rows(&self, folders: &[PathBuf]) -> Result<Vec<Row>> {
-        let given = folders.iter().map(|path| Ok((folder::load(path)?, [folder::called(path)?, from_root(path)])));
-        let mut all = given.collect::<Result<Vec<((PolicyConfig, Policy), [String; 2])>>>()?;
-        for k in 0..all.len() {
-            let ((config, policy), [task, _]) = &all[k];
-            let first = all.iter().position(|(_, [other, _])| other == task) == Some(k);
-            if first && !nerd_tasks::names().contains(&task.as_str()) {
-                let (config, flat) =
-                    (PolicyConfig { solver: "-".into(), ..config.clone() }, vec![0.0; policy.flat.len()]);
-                all.push(((config, Policy { flat, ..policy.clone() }), [task.clone(), "keeps still".into()]));
+        let mut all = Vec::new();
+        for path in folders {
+            all.push((folder::load(path)?, [folder::called(path)?, from_root(path)]));
+        }
+        for ((config, policy), [task, _]) in all.clone().into_iter().unique_by(|(_, [task, _])| task.clone()) {
+            if own_task(&task) {
+                let config = PolicyConfig { solver: "-".into(), ..config };
+                all.push(((config, still(&policy)), [task, "keeps still".into()]));
             }
         }
         let bar = bar("policies played", all.len() as u64);
-        let rows = all
-            .into_par_iter()
-            .map(|((config, policy), names)| self.row(config, &policy, names).inspect(|_| bar.add(1)));
-        let rows = rows.collect();
+        let row = |((config, policy), names)| self.row(config, &policy, names).inspect(|_| bar.add(1));
+        let rows = all.into_par_iter().map(row).collect();
         bar.finish();
         rows
     }
@@ -155,35 +161,30 @@ impl Policies {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
         let play = |arena| games(&task, &arena, policy, self.episodes, self.seed);
-        let home = match &self.family {
-            Some(family) => Arena::family(&task, family, self.home(truth)?)?,
-            None => truth.into(),
-        };
+        let home = self.home(&task, truth)?;
         let real = play(home.clone())?;
         let own = nerd_tasks::named(&task)?;
-        let (length, (tolerance, unit)) = (own.episode_length() as f64, own.tolerance());
+        let (tolerance, unit) = own.tolerance();
         let steps: f64 = real.iter().map(|game| game.length).sum();
         let term =
             |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
         let terms = own.terms().iter().enumerate().map(term).filter(|(_, mean)| mean.is_finite()).collect();
-        let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
+        let fell = fallen(&real, &*own) as f64 / real.len() as f64;
         let learned = Arena::Solver(SolverSpec::neural(&model).on(self.device));
         let learned = if self.alone() { None } else { Some(play(learned)?) };
         let system = own.system()?;
-        let bare = system.robot.contact_points.is_empty();
-        let half = if bare {
+        let half = if system.robot.contact_points.is_empty() {
             SolverSpec::articulated(nerd_train::spec::Method::Rk4, 2)
         } else {
             SolverSpec::implicit(system.spec.substeps.div_ceil(2))
         };
-        let half =
-            if self.fresh_seeds.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Solver(half))?)).gap };
+        let half = if self.fresh() { Compared::of(&real, Some(&play(Arena::Solver(half))?)).gap } else { None };
         Ok(Row {
             half,
             policy: name,
             trained_in: config.solver,
             truth: home.title()?,
-            fell: (self.family.is_some() || !nerd_tasks::names().contains(&task.as_str())).then_some(fell),
+            fell: (self.family.is_some() || own_task(&task)).then_some(fell),
             model: learned.is_some().then(|| from_root(&model)),
             games: self.episodes,
             rewards: Compared::of(&real, learned.as_deref()),
@@ -194,34 +195,34 @@ impl Policies {
     }
 }
 
+/// Whether a task is outside the built-in list.
+fn own_task(task: &str) -> bool {
+    !nerd_tasks::names().contains(&task)
+}
+
 impl Experiment for Policies {
     fn about(&self) -> Result<About> {
-        if self.family.is_some() && !self.fresh_seeds.is_empty() {
+        if self.family.is_some() && self.fresh() {
             bail!("--family means nothing with fresh policies: train them with `cargo xtask policy train --family`");
         }
-        let (policies, inputs) = if self.fresh_seeds.is_empty() { self.given()? } else { self.frozen()? };
+        let (policies, inputs) = if self.fresh() { self.frozen()? } else { self.given()? };
         let effort = (self.episodes * policies * if self.alone() { 1 } else { 2 }) as f64;
         let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
         let name = match one {
             _ if !self.name.is_empty() => self.name.clone(),
             Some(name) => name.to_string_lossy().into_owned(),
-            None if !self.fresh_seeds.is_empty() => "fresh".into(),
+            None if self.fresh() => "fresh".into(),
             None => "policies".into(),
         };
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        let folders = if self.fresh_seeds.is_empty() { self.folders()? } else { self.train()? };
+        let folders = if self.fresh() { self.train()? } else { self.folders()? };
         let rows = self.rows(&folders)?;
-        let mut all =
-            if self.fresh_seeds.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
+        let mut all = if self.fresh() { vec![tables::summary(&rows), tables::gaps(&rows)] } else { Vec::new() };
         all.push(tables::each(&rows));
         all.extend(tables::terms(&rows));
-        let measured = Measured::new(&serde_json::json!({ "rows": rows }), all)?;
-        Ok(match tables::curves(&folders) {
-            Some(figure) => measured.with("curves", figure),
-            None => measured,
-        })
+        Ok(Measured::new(&serde_json::json!({ "rows": rows }), all)?.with("curves", tables::curves(&folders)))
     }
 }

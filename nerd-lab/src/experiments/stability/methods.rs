@@ -1,12 +1,9 @@
 //! The columns of the stability map.
 
-use std::path::Path;
-
-use nerd_sim::prelude::*;
 use nerd_suite::Method;
-use nerd_train::spec::{Method as Stepping, SolverSpec};
+use nerd_train::spec::Method as Stepping;
 
-use crate::mujoco::Mujoco;
+use crate::{mujoco::Mujoco, prelude::*};
 
 /// Articulated dynamics at presets and numbers of substeps, and rapier at two numbers of steps.
 pub fn known() -> Vec<Method> {
@@ -33,10 +30,25 @@ pub fn paper() -> Method {
 
 /// A solver by its text, and at four times its substeps.
 pub fn method(name: impl Into<String>, spec: SolverSpec) -> Method {
+    made(name.into(), spec, |spec, system| Ok(spec.solver(system, 1)?))
+}
+
+/// The articulated solver on a GPU.
+#[cfg(feature = "cuda")]
+pub(super) fn on_gpu(name: String, spec: SolverSpec, real: nerd_sim::articulated::device::Real) -> Method {
+    use nerd_train::{learner::cuda::Precision, spec::resident};
+    made(name, spec, move |spec, system| Ok(resident(spec, system, real, Precision::F32)?))
+}
+
+fn made(
+    name: String,
+    spec: SolverSpec,
+    make: impl Fn(&SolverSpec, &Arc<System>) -> Result<Box<dyn Solver>> + Copy + Send + Sync + 'static,
+) -> Method {
     let at = |times: usize| {
         let spec = spec.clone();
         move |system: &Arc<System>| {
-            spec.refined(times, system).solver(system, 1).unwrap_or_else(|e| Box::new(Absent(e.to_string())))
+            make(&spec.refined(times, system), system).unwrap_or_else(|e| Box::new(Absent(e.to_string())))
         }
     };
     Method::new(name, at(1)).finer(at(4))
@@ -49,22 +61,6 @@ impl Solver for Absent {
     fn step(&mut self, _: &mut Batch, _: &[f64]) -> Result<(), StepError> {
         Err(StepError::Refused(self.0.clone()))
     }
-}
-
-/// The articulated solver on a GPU.
-#[cfg(feature = "cuda")]
-pub(super) fn on_gpu(name: String, spec: SolverSpec, real: nerd_sim::articulated::device::Real) -> Method {
-    use nerd_train::{learner::cuda::Precision, spec::resident};
-    let at = |times: usize| {
-        let spec = spec.clone();
-        move |system: &Arc<System>| -> Box<dyn Solver> {
-            match resident(&spec.refined(times, system), system, real, Precision::F32) {
-                Ok(solver) => solver,
-                Err(e) => Box::new(Absent(e.to_string())),
-            }
-        }
-    };
-    Method::new(name, at(1)).finer(at(4))
 }
 
 /// MuJoCo with `substeps` steps per frame.

@@ -9,7 +9,7 @@ use nerd_suite::{Cell, Line, Method, Suite, Verdict};
 use crate::prelude::*;
 pub use methods::{accurate, converged, known, method, paper};
 
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct StabilityMap {
     pub methods: Vec<String>,
     pub rows: Vec<Line>,
@@ -27,11 +27,10 @@ impl StabilityMap {
         let cell = |c: &Cell| or_dash(c.figure.map(digits)) + mark(c);
         let rows = self.rows.iter().map(|l| {
             let start = [l.row.clone(), l.asked(), digits(l.limit)];
-            start.into_iter().chain(l.cells.iter().map(cell)).collect()
+            start.into_iter().chain(l.cells.iter().map(cell))
         });
-        let header: Vec<&str> =
-            ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str)).collect();
-        Table::new("stability", &header).with(rows).noted(
+        let header = ["row", "figure", "limit"].into_iter().chain(self.methods.iter().map(String::as_str));
+        Table::new("stability", header).with(rows).noted(
             "!: up to ten times the limit; !!: beyond; lost: the solver gave up; -: it lacks what the row needs.",
         )
     }
@@ -47,29 +46,35 @@ pub struct Stability {
 impl Stability {
     /// Rows whose names contain one of `words`, or all, under all analytic methods.
     pub fn new(words: &[String]) -> Result<Self> {
-        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods: known() })
+        Self::of("stability", words, known())
     }
 
     /// The same rows in MuJoCo, beside the truths and rapier.
     pub fn beside_mujoco(words: &[String], python: &Path) -> Result<Self> {
-        let mut methods: Vec<_> = known()
+        let mut methods = known()
             .into_iter()
             .filter(|method| ["accurate", "implicit x4", "rapier 16x4"].contains(&&*method.name))
-            .collect();
+            .collect_vec();
         methods.splice(2..2, [4, 16].map(|substeps| methods::mujoco(python, substeps)));
-        Ok(Self { name: "stability-mujoco".into(), suite: Suite::new().only(words)?, methods })
+        Self::of("stability-mujoco", words, methods)
     }
 
     /// The same rows on a GPU in f32 and f64, each beside the CPU's solver.
-    #[cfg(feature = "cuda")]
     pub fn on_device(words: &[String]) -> Result<Self> {
+        built_for(true)?;
         let mut methods = Vec::new();
         for (name, spec) in [("accurate", SolverSpec::default()), ("implicit x16", SolverSpec::implicit(16))] {
             methods.push(method(name, spec.clone()));
-            methods.push(methods::on_gpu(format!("{name}, GPU, 32 bits"), spec.clone(), Real::F32));
-            methods.push(methods::on_gpu(format!("{name}, GPU, 64 bits"), spec, Real::F64));
+            #[cfg(feature = "cuda")]
+            for (bits, real) in [("32", Real::F32), ("64", Real::F64)] {
+                methods.push(methods::on_gpu(format!("{name}, GPU, {bits} bits"), spec.clone(), real));
+            }
         }
-        Ok(Self { name: "stability-device".into(), suite: Suite::new().only(words)?, methods })
+        Self::of("stability-device", words, methods)
+    }
+
+    fn of(name: &str, words: &[String], methods: Vec<Method>) -> Result<Self> {
+        Ok(Self { name: name.into(), suite: Suite::new().only(words)?, methods })
     }
 
     fn cells(&self) -> usize {
