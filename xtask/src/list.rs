@@ -113,5 +113,5 @@ fn models() -> Result<Table> {
 fn rows() -> Table {
     let suite = Suite::new();
     let row = |row: &&Row| [row.name, row.figure, row.unit, &digits(row.limit), row.source, row.why].map(String::from);
-    Table::new("rows", &["row", "figure", "unit", "limit", "source", "why"]).with(suite.rows().iter().map(row))
+    Table::new("rows", ["row", "figure", "unit", "limit", "source", "why"]).with(suite.rows().iter().map(row))
 }

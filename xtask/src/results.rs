@@ -53,7 +53,7 @@ fn list(manifest: &Manifest) -> Result<()> {
     let strangers = manifest.strangers(&results()).into_iter();
     let strangers = strangers.map(|name| [name, "not in the manifest".into(), String::new(), String::new()]);
     let rows = made.chain(strangers);
-    crate::out::table(&Table::new("results", &["result", "status", "what it shows", "made by"]).with(rows));
+    crate::out::table(&Table::new("results", ["result", "status", "what it shows", "made by"]).with(rows));
     Ok(())
 }
 

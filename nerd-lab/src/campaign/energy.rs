@@ -266,8 +266,8 @@ fn gain(
                     way = told + wrap(way - told);
                 }
                 let done = torques[env * joints + k] * way;
-                *work = *work + done;
-                *effort = *effort + done.abs();
+                *work += done;
+                *effort += done.abs();
             }
             let share = (energy(batch.state(env), env).0 - first - *work) / (size + *effort);
             if share > worst.share || share.is_nan() {

@@ -33,7 +33,7 @@ impl Found {
             let counts = [refused + accepted + faults, *refused, *accepted, *faults];
             std::iter::once(kind.name()).chain(counts.map(|n| n.to_string()))
         };
-        Table::new("campaign", &["input", "cases", "refused", "accepted", "faults"]).with(self.counts.iter().map(row))
+        Table::new("campaign", ["input", "cases", "refused", "accepted", "faults"]).with(self.counts.iter().map(row))
     }
 }
 

@@ -73,7 +73,7 @@ fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torqu
     let Begun { batch, streams, drives, scales, holds, pilots, .. } = begun;
     let last = drives.len() - 1;
     // A held action repeats its random numbers, since a position law responds to the state of each frame.
-    if pilots[env].is_some() || frame % holds[env] == 0 {
+    if pilots[env].is_some() || frame.is_multiple_of(holds[env]) {
         *held = streams[env].clone();
     } else {
         streams[env] = held.clone();

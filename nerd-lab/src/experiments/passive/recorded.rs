@@ -142,7 +142,7 @@ impl Recorded {
             self.log.held_out(),
             verdict.line()
         );
-        Table::new("verdict", &Verdict::HEADER).with(verdict.cells()).noted(note)
+        Table::new("verdict", Verdict::HEADER).with(verdict.cells()).noted(note)
     }
 }
 
