@@ -213,7 +213,7 @@ fn json_has_numbers_where_a_column_holds_nothing_else() {
         ["nan", "nan", "-", "1.5e-3", "under 0.01", "-"],
         ["12", "8", "NaN +- 0.5", "-0.25", "2", "-"],
     ];
-    let table = Table::new("some", &header).with(rows.map(|row| row.map(String::from).to_vec()));
+    let table = Table::new("some", header).with(rows.map(|row| row.map(String::from).to_vec()));
     let rows = serde_json::json!([
         { "name": "1e5", "label": "007", "error": [1.5, 0.5, 2.0], "games": 3.0, "verdict": "1.00", "none": null },
         { "name": "nan", "label": "nan", "error": null, "games": 0.0015, "verdict": "under 0.01", "none": null },
