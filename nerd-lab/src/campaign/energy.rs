@@ -16,9 +16,9 @@ const MOST: f64 = 1e-3;
 const MOST_IN_FLIGHT: f64 = 1e-4;
 /// Grounds of a case, and starts on each, on the CPU and on a GPU. There each case compiles kernels, which takes most of
 /// its time.
-const GROUNDS: usize = 8;
+const GROUNDS: usize = 16;
 const STARTS: usize = 1;
-const STARTS_ON_CARD: usize = 8;
+const STARTS_ON_CARD: usize = 4;
 /// Simulated time of a case (s), and the frames for which torques are held.
 const TIME: f64 = 2.0;
 const HOLD: usize = 10;
