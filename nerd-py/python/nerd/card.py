@@ -6,7 +6,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ._nerd import CardTask
-from .gym import _seed
+from ._seeds import whole_seed
 
 
 class CardVectorEnv(VectorEnv):
@@ -35,7 +35,7 @@ class CardVectorEnv(VectorEnv):
     def reset(self, *, seed=None, options=None):
         """Begins the first episodes of a seed; without one, of a random seed. Returns observations [n, observation] and
         {}."""
-        seed = _seed(seed, options)
+        seed = whole_seed(seed, options)
         super().reset(seed=seed)
         self._task.reset(int(self.np_random.integers(2**63 - 1)) if seed is None else seed)
         return self._xp.from_dlpack(self._arrays[0]), {}

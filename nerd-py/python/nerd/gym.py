@@ -8,6 +8,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ._nerd import System, Task
+from ._seeds import whole_seed
 
 
 def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None, family=None):
@@ -54,18 +55,6 @@ _RENDER = "render_mode: there is none; `python -m nerd policy show` writes an ep
 def _spaces(task):
     box = lambda most, width: gymnasium.spaces.Box(-most, most, (width,), np.float64)
     return box(np.inf, task.observation), box(1.0, task.action)
-
-
-def _seed(seed, options, *keys):
-    """The seed as a Python int, or None. Raises ValueError for unknown options and for other seeds."""
-    if options is not None and not (isinstance(options, dict) and options.keys() <= set(keys)):
-        found = ", ".join(map(repr, options)) if isinstance(options, dict) else type(options).__name__
-        raise ValueError(f"options: {f'a dict with {keys[0]} alone is' if keys else 'none are'} taken; {found} was given")
-    whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool)
-    if seed is not None and not (whole and 0 <= seed < 2**63):
-        found = seed if whole else type(seed).__name__
-        raise ValueError(f"seed: one whole number from 0 to 2**63 - 1 is needed, for all environments, not {found}")
-    return None if seed is None else int(seed)
 
 
 class _Tasks:
@@ -129,7 +118,7 @@ class TaskVectorEnv(_Tasks, VectorEnv):
         self._ended = np.zeros(num_envs, bool)
 
     def reset(self, *, seed=None, options=None):
-        seed = _seed(seed, options, "reset_mask")
+        seed = whole_seed(seed, options, "reset_mask")
         super().reset(seed=seed)
         mask = (options or {}).get("reset_mask")
         if mask is None:
@@ -198,7 +187,7 @@ class TaskEnv(_Tasks, gymnasium.Env):
         self._fresh = np.zeros(1, bool)
 
     def reset(self, *, seed=None, options=None):
-        seed = _seed(seed, options)
+        seed = whole_seed(seed, options)
         super().reset(seed=seed)
         self._restart(seed, np.ones(1, bool))
         return self._task.observations()[0], {}
