@@ -1,8 +1,8 @@
 //! Implicit step's equations solved along the tree in O(n), for robots with long chains: cables, hands, humanoids.
 //!
-//! A touch (contact, limit, drive or dry friction) resists the motion of one link or one joint. So `(M + h sum J^T D J)
-//! qdd = right` is solved as forward dynamics by the articulated-body algorithm ([`TreeFactor`]). A contact adds `h
-//! J_x^T D J_x` to the inertia of its link. A joint's resistance d adds `h d` to its armature.
+//! A touch (contact, limit, drive or dry friction) resists the motion of one link or one joint. So
+//! `(M + h sum J^T D J) qdd = right` is solved as forward dynamics by the articulated-body algorithm ([`TreeFactor`]).
+//! A contact adds `h J_x^T D J_x` to the inertia of its link. A joint's resistance d adds `h d` to its armature.
 
 use nalgebra::Matrix6;
 use nerd_core::dynamics::TreeFactor;

@@ -187,8 +187,8 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Steps (q, qd) by symplectic Euler over `dt` (s). A floating root's twist is about `origin`: `p_dot = v + w x (p -
-/// origin)`.
+/// Steps (q, qd) by symplectic Euler over `dt` (s). A floating root's twist is about `origin`:
+/// `p_dot = v + w x (p - origin)`.
 #[inline]
 fn euler(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], origin: &Vector3<f64>, dt: f64) {
     qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * dt);

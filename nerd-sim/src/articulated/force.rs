@@ -4,10 +4,10 @@
 //! `touch.rs` and `stick.rs` use only [`drag`].
 //!
 //! A contact point of radius r has the gap `g = n . (x - p1)` with `x = p0 - r n`, and acts for `g < 0`. The body moves
-//! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is `N = max(0, -(k_e g + k_d
-//! v_n))`; where `v_n > 0`, `k_e` times `release` takes the place of `k_d`. Friction is `-v_t / |v_t| min(k_f |v_t|, mu
-//! N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with `s = |v_t|^2 / 2` up to 1 m/s and `|v_t| - 1/2` above (Huber).
-//! Both friction laws dissipate energy. There is no restitution and no adhesion.
+//! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is
+//! `N = max(0, -(k_e g + k_d v_n))`; where `v_n > 0`, `k_e` times `release` takes the place of `k_d`. Friction is
+//! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with `s = |v_t|^2 / 2` up to 1 m/s and
+//! `|v_t| - 1/2` above (Huber). Both friction laws dissipate energy. There is no restitution and no adhesion.
 
 use crate::prelude::*;
 
