@@ -1,4 +1,4 @@
-// Adjoint of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, and a thread's records for it.
+// Adjoint of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, and a thread's record of a frame.
 
 // Most substeps of a frame that are recorded; a frame is refined no further.
 constexpr int STEPS = 8 * MOST_SUBSTEPS;

@@ -89,7 +89,7 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
     const real c = t.friction_damping;
     law.by_held = by_slip;
-    // The slip offset is the held force over the drag.
+    // The slip offset is the held force over the sticking drag.
     by_stick = by_stick + by_then * then.by_damping + by_slip * t.slip_offset * (c > 0 ? 1 / c : 0);
     if (speed_then > 0) {
         const M3 own = outer(by_then, slip_then);
@@ -136,7 +136,7 @@ template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool fir
     own.by_spin = sum(sum(own.by_held, outer(n, by_fast), -about), outer(across, by_faster), -1);
     own.by_change = first ? own.by_held : own.by_spin;
     own.by_press = n * (-about * drag.by_normal) - across * turning.by_normal;
-    // The offset is the held torque over the sticking drag.
+    // The turn offset is the held torque over the sticking drag.
     own.by_across = n * (drag.value > 0 ? -about * drag.by_damping : 0) - across * (turning.value > 0 ? turning.by_damping : 0);
     own.by_across = own.by_across + own.by_change * t.turn_offset * (1 / c);
     if (first) own.by_across = own.by_across + sum(own.by_spin, own.by_held, -1) * t.turn_offset_start * (1 / c);

@@ -65,7 +65,7 @@ pub struct OnDevice<M> {
     faults: Vec<Fault>,
 }
 
-/// Memory on the device, with the system and reach that memory and kernels were made for.
+/// Memory on the device, with the system and reach for which memory and kernels were made.
 struct Made {
     system: Arc<System>,
     reach: Reach,
