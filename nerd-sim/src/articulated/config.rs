@@ -40,8 +40,8 @@ pub enum Friction {
 
 pub(super) struct Settings {
     pub(super) config: ArticulatedConfig,
-    /// Tolerance on the relative change of a drag between two solves, in a frame of one substep; and the most solves of
-    /// a substep. See `kick.rs`.
+    /// Tolerance on the relative change of a drag between two solves, in a frame of one substep. Second: the most
+    /// solves of a substep. See `kick.rs`.
     pub(super) settling: (f64, usize),
 }
 

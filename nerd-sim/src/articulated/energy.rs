@@ -1,9 +1,9 @@
 //! Energy check: a frame that gains energy is repeated with more substeps, the more the larger its gain.
 //!
-//! Too long a substep adds energy: at a light link that whips, a point that parts, a hard impact at a limit, or a drag
-//! that has not converged. K is the kinetic energy of links and rotors. S is the energy in springs of contacts,
-//! self-collision, limits and joints. V is the links' energy in gravity. W is the work of torques and drives, W+ the
-//! sum of the works' absolute values. A frame of T seconds passes if
+//! Too long a substep adds energy. This happens at a light link that whips, a point that parts, a hard impact at a
+//! limit, or a drag that has not converged. K is the kinetic energy of links and rotors. S is the energy in springs of
+//! contacts, self-collision, limits and joints. V is the links' energy in gravity. W is the work of torques and drives,
+//! W+ the sum of the works' absolute values. A frame of T seconds passes if
 //!
 //! ```text
 //! gain = (K + S)_1 - E <= GAIN_TOLERANCE max((K + S)_0, E) + WORK_TOLERANCE W+ + FALL_TOLERANCE m (g T)^2 / 2,    E = (K + S)_0 + W - (V_1 - V_0)

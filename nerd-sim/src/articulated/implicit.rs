@@ -2,8 +2,8 @@
 //!
 //! A substep is a leapfrog step: half a drift of the positions, a kick of the velocities by the forces at the middle,
 //! half a drift. A touch is a contact, a limit, a drive or dry friction. A touch's force depends on the change of
-//! velocity over the substep, so that change is solved for. v is the velocity of the touching place at the substep's
-//! start, v' at its end. The touch's damper and drag see the velocity `v + theta (v' - v)`; its spring sees the gap
+//! velocity over the substep, so that change is solved for. The touching place has velocity v at the substep's start
+//! and v' at its end. The touch's damper and drag see the velocity `v + theta (v' - v)`; its spring sees the gap
 //! `g + theta h (v' - v)`, with g at the middle. A spring's theta is 1/4, which takes the mean of the gaps at both ends
 //! and so conserves the spring's energy. A damper's theta is 1/2, the trapezoidal rule; 1 would be implicit Euler. Both
 //! thetas grow where the force is too stiff for the touch's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
@@ -33,11 +33,11 @@
 //! Without `J_dot qd`, stiff friction would stop the slip in the axes of the middle, and so accelerate a wobbling coin.
 //!
 //! A point may be inside its surface during only a part of the substep. The gap g is then the mean gap over that part.
-//! k and d are multiplied by that fraction of the substep, and so is the drag c of a sliding point. So the instant of
-//! landing matters little. The drag c is friction over slip by the friction law, at the slip that the drag sees; it is
-//! found by iteration. A point that would pull has parted: it is dropped and the system solved again. A joint beyond
-//! its limit is a touch without friction that may pull. A joint's dry friction is a constant force, or below 1e-3 rad/s
-//! (m/s) a drag, so a joint that it holds creeps. A drive ([`crate::drive`]) may pull; at its effort limit its force is
+//! That fraction of the substep multiplies k and d, and the drag c of a sliding point. So the instant of landing
+//! matters little. The drag c is friction over slip by the friction law, at the slip that the drag sees; it is found by
+//! iteration. A point that would pull has parted: it is dropped and the system solved again. A joint beyond its limit
+//! is a touch without friction that may pull. A joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a
+//! drag, so a joint that it holds creeps. A drive ([`crate::drive`]) may pull; at its effort limit its force is
 //! constant.
 //!
 //! A joint's own damper and spring are no touches: they act in every substep. Their forces are part of tau, and their

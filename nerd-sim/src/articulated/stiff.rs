@@ -172,8 +172,8 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
     size
 }
 
-/// Upper bound (1/kg) on the acceleration of a link's point per unit of force at the point, in the force's direction,
-/// as if the link were free. It is `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
+/// Upper bound (1/kg) on a point's acceleration along a force there, per unit of force, as if its link were free. It is
+/// `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
 pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link

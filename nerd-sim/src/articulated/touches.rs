@@ -12,8 +12,8 @@ pub(super) struct Touches {
     /// Inverse effective mass w of every pair of point and collider, every joint's limit and every drive, computed once
     /// a frame.
     pub(super) weights: Vec<Option<f64>>,
-    /// By pair of point and collider: w across the normal (1/kg), summed over both directions, and the contact's wrench
-    /// (N m, N) in the substep before.
+    /// By pair of point and collider: w across the normal (1/kg), summed over both directions. Second: the contact's
+    /// wrench (N m, N) in the substep before.
     pub(super) slides: Vec<(f64, Wrench)>,
     /// Damping of each joint (N m s/rad or N s/m): its own, or more where its spring is too stiff for the substep.
     pub(super) damping_used: Vec<f64>,

@@ -1,4 +1,4 @@
-// Gradients of a frame, as articulated/gradients: steps the frame, recording start and result of each substep, then
+// Gradients of a frame, as articulated/gradients: steps the frame and records start and result of each substep. Then
 // runs the adjoint from the last substep to the first.
 
 // Records the substeps of a frame.

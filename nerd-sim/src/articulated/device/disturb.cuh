@@ -1,7 +1,7 @@
 // Disturbances of an episode, as in disturb.rs, from a random stream of their own. Every PUSH_EVERY frames (0: never) a
-// push changes the root's velocity by PUSHED (range, m/s) in a random direction of the plane of LEVEL (two axes). With
-// BLURRED, sensors have NOISE: standard deviations for joints (rad or m), root position (m) and root orientation (rad).
-// A frame's noise takes NOISE_BLOCKS random blocks.
+// push changes the root's velocity by PUSHED (range, m/s). Its direction is random in the plane of LEVEL (two axes).
+// With BLURRED, sensors have NOISE: standard deviations for joints (rad or m), root position (m) and root orientation
+// (rad). A frame's noise takes NOISE_BLOCKS random blocks.
 
 FN Draws drawn_at(const unsigned long long* key, unsigned long long stream, unsigned long long block) {
     Draws d = draws(key, stream);

@@ -64,7 +64,7 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
-// Factor (a power of two) on the substeps that the frame from `state` to the tree's state needs to gain no energy; and
+// Factor (a power of two) on the substeps with which the frame from `state` to the tree's state gains no energy. Sets
 // w.velocity_factor, the factor on velocities that removes the gain.
 BIG int refine(Work& w, const double* state, const double* scene, int substeps, int finest) {
     Tree& t = w.tree;

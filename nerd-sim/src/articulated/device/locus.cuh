@@ -1,6 +1,6 @@
-// Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. LOCI: some
-// points move over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull), RIM (axis, radius, sine and cosine of its
-// angle), HULL (first VERTEX and end), REACH.
+// Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. With LOCI
+// some points move over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull). Their tables are RIM (axis, radius,
+// sine and cosine of the angle), HULL (first VERTEX and end) and REACH.
 
 constexpr int SEARCHES = 4;
 

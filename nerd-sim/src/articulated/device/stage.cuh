@@ -225,7 +225,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
     for (int k = 0; k < NV; k++) b.rate[k] = k < 3 ? 0 : sum[k];
 }
 
-// Adjoint of a weight w = y^T M^-1 y of a contact or joint, with b.own = z = M^-1 y: dw = 2 z . dy - z . dM z.
+// Adjoint of a weight w = y^T M^-1 y of a contact or joint: dw = 2 z . dy - z . dM z. b.own: z = M^-1 y.
 BIG void push_back(const Tree& t, Back& b, const Touch* touch, V3 along, int point, real by) {
     twists(t, b.own, b.virtuals);
     for_up<0, NL>([&](auto i) {

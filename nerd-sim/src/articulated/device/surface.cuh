@@ -31,8 +31,8 @@ FN const double* grid(const double* s) { return s + (long long)s[14]; }
 #endif
 
 #if FIELDS
-// Offsets in a grid: two cell sizes, two numbers of nodes, highest place, bound of the squared slope, depth (0 if it
-// repeats), heights.
+// Offsets in a grid: two cell sizes, two numbers of nodes, highest place, bound of the squared slope, depth (0 if the
+// ground repeats), heights.
 constexpr int GRID_CELLS = 0, GRID_NODES = 2, GRID_TOP = 4, GRID_STEEP = 5, GRID_BASE = 6, GRID_HEIGHTS = 7;
 FN bool bounded(const double* grid) { return grid[GRID_BASE] > 0; }
 

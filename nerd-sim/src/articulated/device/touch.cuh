@@ -222,9 +222,9 @@ FN void add_contact(Work& w, int point, int c, V3 n, V3 nearest, real h) {
 // Points per word of a mask of points.
 constexpr int WORD = 32, WORDS = NP / WORD + 1;
 
-// Mask of the points that may be beyond a plane in some part of the substep: cheap for all of them, as most are far
-// away. A NaN distance counts as near. A height field is taken as the plane at its highest place, with distances scaled
-// by `steep`, since a ball touches inclined ground beside its lowest point.
+// Mask of the points that may be beyond a plane in some part of the substep. The test is cheap, as most points are far
+// away. A NaN distance counts as near. A height field is taken as the plane at its highest place. `steep` scales its
+// distances, since a ball touches inclined ground beside its lowest point.
 FN void near(const Work& w, real h, unsigned* mask) {
     const Tree& t = w.tree;
     const Surface& plane = w.surface[0];
@@ -398,8 +398,7 @@ FN real breaking(real normal, real speed, real before, real friction_damping, re
 }
 
 #if TURNS
-// Torques: sticking drag; that drag if a coefficient (m) is above 0; `hold`; drags at a turn, with breakaway if
-// `leaps`.
+// Torques: sticking drag; that drag if `arm` (m) is above 0; `hold`; drags at a slip, with breakaway if `leaps`.
 FN real sticks(const Touch& t) { return TURN_STICK_DRAG * t.gyration * t.friction_damping; }
 FN real stick(const Touch& t, real arm) { return arm > 0 ? sticks(t) : 0; }
 FN void wind(Touch& t, V3 torque) {

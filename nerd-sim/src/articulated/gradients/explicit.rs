@@ -102,8 +102,8 @@ impl Row {
     }
 }
 
-/// Converts a gradient with respect to a rotation t (rotation vector, fixed axes) to one with respect to the four
-/// numbers of a quaternion Q of any norm: `t = 2 Im(dQ Q*) / |Q|^2`.
+/// Gradient with respect to the four numbers of a quaternion Q of any norm. `by_turn`: gradient with respect to its
+/// rotation t (rotation vector, fixed axes), `t = 2 Im(dQ Q*) / |Q|^2`.
 fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
     let q = raw_quaternion(q);
     Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())

@@ -17,8 +17,8 @@ enum Pushed<'a> {
 }
 
 impl Workspace {
-    /// Backward pass over each w computed in this substep: of touches new since the substeps `before`, and of joints if
-    /// the substep before had another length.
+    /// Backward pass over each w computed in this substep. Those are the w of touches absent in the substeps `before`,
+    /// and of joints if the substep before had another length.
     pub(super) fn inv_mass_adjoint(
         &mut self,
         place: Place,

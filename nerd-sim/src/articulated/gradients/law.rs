@@ -35,8 +35,8 @@ pub(super) struct ContactLaw {
     pub(super) by_material: [Vector3<f64>; 4],
     /// Derivative of the force with respect to the normal.
     pub(super) by_normal: Matrix3<f64>,
-    /// Derivatives of the force with respect to the force held (N), to the force held at the substep's start, and to w
-    /// across the normal. The latter w sets the sticking drag.
+    /// Derivatives of the force with respect to the forces (N) held now and at the substep's start, and to w across the
+    /// normal. The latter w sets the sticking drag.
     pub(super) by_held: Matrix3<f64>,
     pub(super) by_begun: Matrix3<f64>,
     pub(super) by_across: Vector3<f64>,

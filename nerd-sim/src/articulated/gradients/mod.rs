@@ -1,5 +1,5 @@
-//! Gradients of a frame, as vector-Jacobian products: the frame is stepped and recorded, then its substeps are
-//! differentiated backward, the last one first (`docs/gradients.md`).
+//! Gradients of a frame, as vector-Jacobian products (`docs/gradients.md`). The frame is stepped and recorded, then its
+//! substeps are differentiated from the last to the first.
 
 mod explicit;
 mod inv_mass;

@@ -8,8 +8,8 @@ use super::super::spin::arm;
 use super::numbers::{COM, Numbers, ORIGIN};
 use crate::prelude::*;
 
-/// Gradients with respect to a substep's inputs. A free root's are in world axes: with respect to a rotation, a
-/// displacement of its origin, its angular velocity and its origin's velocity.
+/// Gradients with respect to a substep's inputs. Those of a free root are in world axes. They are with respect to a
+/// rotation, a displacement of its origin, its angular velocity and its origin's velocity.
 pub(super) struct Row {
     pub(super) pose: Vec<f64>,
     pub(super) speed: Vec<f64>,

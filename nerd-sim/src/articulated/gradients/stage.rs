@@ -194,8 +194,8 @@ impl Workspace {
             row.held.fill(Motion::default());
             if let Some(spins) = &spins {
                 let mut off = vector(by_middle) * (0.5 * h);
-                // The middle angular velocity depends on the rate of this very stage: the remainder of its gradient is
-                // fed back to that rate until it vanishes.
+                // The middle angular velocity depends on this stage's own rate. So the remainder of the gradient with
+                // respect to that velocity goes back to the rate, until the remainder vanishes.
                 let least = SETTLED * off.norm();
                 for _ in 0..SPIN_PASSES {
                     let more = spins.back(&stage.middle, &off);
@@ -344,8 +344,8 @@ fn solve_adjoint(
             .surfaces
             .meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
         if let Some(Meeting::Law(pair)) = mets {
-            // The pair's law is constant: its material is a multiple of the robot's; its friction counts only where one
-            // value is set for all pairs.
+            // The pair's law is constant: its material is a multiple of the robot's. Its friction has a gradient only
+            // where one value is set for all pairs.
             let one = f64::from(place.system.one_friction.is_some() && pair.condim > 1);
             by_material
                 .iter_mut()

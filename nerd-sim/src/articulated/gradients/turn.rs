@@ -10,8 +10,8 @@ use crate::prelude::*;
 /// Torque (N m) of torsional and rolling friction on the link, and its derivatives.
 pub(super) struct TurnLaw {
     pub(super) torque: Vector3<f64>,
-    /// Derivatives of the torque with respect to the change `h J qdd` of the link's angular velocity, and to the
-    /// angular velocity at the substep's start.
+    /// Derivatives of the torque with respect to the change `h J qdd` of the link's angular velocity (rad/s), and to
+    /// that velocity at the substep's start.
     pub(super) by_change: Matrix3<f64>,
     pub(super) by_spin: Matrix3<f64>,
     /// Derivative of the torque with respect to the normal force: of the contact's law, or, if `then` is given, at the
@@ -22,8 +22,8 @@ pub(super) struct TurnLaw {
     pub(super) by_arms: [Vector3<f64>; 2],
     /// Derivative of the torque with respect to the normal.
     pub(super) by_normal: Matrix3<f64>,
-    /// Derivatives of the torque with respect to the torques held now and at the substep's start; to w across the
-    /// normal; and to the link's squared radius of gyration (m^2). The last two set the sticking drag.
+    /// Derivatives of the torque with respect to the torques (N m) held now and at the substep's start. Then to w
+    /// across the normal and the link's squared radius of gyration (m^2), which set the sticking drag.
     pub(super) by_held: Matrix3<f64>,
     pub(super) by_begun: Matrix3<f64>,
     pub(super) by_across: Vector3<f64>,
