@@ -9,9 +9,9 @@
 //! gain = (K + S)_1 - E <= GAIN_TOLERANCE max((K + S)_0, E) + WORK_TOLERANCE W+ + FALL_TOLERANCE m (g T)^2 / 2,    E = (K + S)_0 + W - (V_1 - V_0)
 //! ```
 //!
-//! In a repeated frame contacts and limits have theta 1/2, their springs 1/4. Where the thetas differ, a force computed
-//! at `v + theta (v' - v)` does work on another velocity, `f . (v + v') / 2`. A light link between stiff touches then
-//! gains energy, in proportion to the substep. With equal thetas each touch alone dissipates.
+//! In a repeated frame contacts and limits have theta 1/2, and their springs 1/4. Where the thetas differ, a force
+//! computed at `v + theta (v' - v)` does work on another velocity, `f . (v + v') / 2`. A light link between stiff
+//! touches then gains energy, in proportion to the substep. With equal thetas each touch alone dissipates.
 //!
 //! A gain that remains at the most substeps, above all at an edge of terrain, is removed from K_1: one factor scales
 //! all velocities. Where K_1 is too small, or the excess is above both (K + S)_0 and E, the frame ends at rest in its
@@ -19,9 +19,10 @@
 //!
 //! All other forces dissipate, so a gain is an error of the step. The gain falls with the square of the substep, or the
 //! first power where a point meets or leaves its surface. At edges and between cells of terrain the distance jumps, and
-//! no substep is short enough. Every frame is checked in scenes with more than planes. Elsewhere a frame is checked
-//! only after an event that may gain energy. Examples are a joint that turns by [`FAST_TURN`] in a substep, a point or
-//! limit that comes or leaves, and solves without convergence. All other frames, and explicit presets, stay unchanged.
+//! no substep is short enough to avoid a gain. Every frame is checked in scenes with more than planes. Elsewhere a
+//! frame is checked only after an event that may gain energy. Examples are a joint that turns by [`FAST_TURN`] in a
+//! substep, a point or limit that comes or leaves, and solves without convergence. All other frames, and explicit
+//! presets, stay unchanged.
 
 use nerd_core::dynamics::{to_local, velocities};
 
@@ -60,8 +61,8 @@ pub(super) struct Energy {
 
 impl Workspace {
     /// Factors on the substeps and on the velocities of a frame from `start` to `state`. The first, a power of two,
-    /// multiplies `substeps` so that the frame gains no energy; 1 if it passes. It is a lower bound, since the gain
-    /// falls with the square of the substep at most. The second would remove the gain from the velocities at the
+    /// multiplies `substeps` so that the frame gains no energy; 1 if it passes. This factor is a lower bound, since the
+    /// gain falls with the square of the substep at most. The second would remove the gain from the velocities at the
     /// frame's end; 0 if none can.
     pub(super) fn refine(
         &mut self,

@@ -38,8 +38,8 @@ impl Workspace {
             kinematics_about(robot, q, &origin, &mut self.data);
             if contact {
                 // A plane stays the same throughout a frame. With `Refresh::Frame` other shapes are queried once a
-                // frame and held as tangent planes, as in the reference. With `Refresh::Substep` they are queried in
-                // every substep.
+                // frame and held as tangent planes, as in the reference. With `Refresh::Substep` all shapes are queried
+                // in every substep.
                 if renew {
                     let held = config.refresh == Refresh::Frame;
                     let (time, margin) = if held { (2.0 * system.frame_time, QUERY_MARGIN) } else { (0.0, 0.0) };

@@ -2,10 +2,10 @@
 //!
 //! Capsules of two links meet under the contact law of [`super::force`], without torsional and rolling friction. The
 //! material is the robot's own, or the pair's from the robot's file. Equal and opposite forces act at one place, so
-//! momentum is conserved to rounding. Such a contact couples branches of the tree, which the implicit solve cannot do.
-//! So it acts as an external force, evaluated at the middle of the substep. Stiffness k, damping d and drag c are
-//! bounded so that a substep h can resolve them. Here `1 / w` is the least effective mass (kg) of two points against
-//! each other, as if their links were free:
+//! momentum is conserved to rounding. Self-collision couples branches of the tree, so the implicit solve excludes it.
+//! Its force is external, evaluated at the middle of the substep. Stiffness k, damping d and drag c are bounded so that
+//! a substep h can resolve them. Here `1 / w` is the least effective mass (kg) of two points against each other, as if
+//! their links were free:
 //!
 //! ```text
 //! k <= z_k / (h^2 w n),    d, c <= z_d / (h w n)        leapfrog is stable for  h^2 k w + 2 h d w < 4

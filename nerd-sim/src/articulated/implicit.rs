@@ -29,8 +29,9 @@
 //! `J_dot qd` is the rate of change of a touching place's velocity at zero `qdd`. With omega and a of the link it is
 //! `a + omega_dot x r + omega x r_dot`, less the root's `omega x p_dot`. In the code omega is `w` and the place r is
 //! `x`. The place moves with the centre of a ball, with a corner, or round the rim of a disc. At theta 1/2 `J_dot qd`
-//! cancels: v lacks half of it, and theta u adds that half. Stiff friction has theta near 1, where it does not cancel.
-//! Without `J_dot qd`, stiff friction would stop the slip in the axes of the middle, and so accelerate a wobbling coin.
+//! cancels: v lacks half of it, and theta u adds that half. Stiff friction has theta near 1, where `J_dot qd` does not
+//! cancel. Without `J_dot qd`, stiff friction would stop the slip in the axes of the middle, and so accelerate a
+//! wobbling coin.
 //!
 //! A point may be inside its surface during only a part of the substep. The gap g is then the mean gap over that part.
 //! That fraction of the substep multiplies k and d, and the drag c of a sliding point. So the instant of landing
@@ -40,11 +41,11 @@
 //! drag, so a joint that it holds creeps. A drive ([`crate::drive`]) may pull; at its effort limit its force is
 //! constant.
 //!
-//! A joint's own damper and spring are no touches: they act in every substep. Their forces are part of tau, and their
-//! implicit resistance (`shares`) is added to M. The spring's theta is that of a touch. The damper's theta is 1/2 up to
-//! `z_d = h d w` of 1, and beyond it is `1 / (1 - exp(-z_d)) - 1 / z_d`, exact for a lone damper. A spring too stiff
-//! for the substep, with large `z_k = h^2 k w`, would oscillate undamped and disturb other joints. So the damping used
-//! is the larger of the joint's own and `h k min(z_k, 1/2)`, which is of third order in h.
+//! A joint's own damper and spring are no touches: they act in every substep. The forces of damper and spring are part
+//! of tau, and their implicit resistance (`shares`) is added to M. The spring's theta is that of a touch. The damper's
+//! theta is 1/2 up to `z_d = h d w` of 1, and beyond it is `1 / (1 - exp(-z_d)) - 1 / z_d`, exact for a lone damper. A
+//! spring too stiff for the substep, with large `z_k = h^2 k w`, would oscillate undamped and disturb other joints. So
+//! the damping used is the larger of the joint's own and `h k min(z_k, 1/2)`, which is of third order in h.
 //!
 //! A touch couples only the joints above its link, so the matrix keeps the zeros of M, and its factorisation costs no
 //! more. For long chains the same equations are solved along the tree (`along.rs`). `find.rs` collects the touches,

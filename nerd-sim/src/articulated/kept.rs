@@ -35,8 +35,8 @@ pub(super) struct Step {
     pub(super) shares: Vec<f64>,
     /// Stages of the substep: the middle velocity of each uses the rate of the stage before.
     pub(super) stages: Vec<Stage>,
-    /// Whether the substep was too long, so that two halves replaced it. Its rate then predicts the middle velocity of
-    /// the first half.
+    /// Whether the substep was too long, so that two halves replaced it. The lost substep's rate then predicts the
+    /// middle velocity of the first half.
     pub(super) lost: bool,
 }
 

@@ -25,8 +25,8 @@ impl Articulated {
         self
     }
 
-    /// As [`Solver::vjp`], with gradients with respect to the numbers of each environment's robot and scene, in the
-    /// order of [`super::numbers`].
+    /// Does the same as [`Solver::vjp`], and adds gradients with respect to the numbers of each environment's robot and
+    /// scene. Their order is that of [`super::numbers`].
     ///
     /// These count as constant: dry friction of 0, contact points with a moving locus, and contact laws of pairs of
     /// geoms. A pair's law that is a multiple of the material still varies with the material.

@@ -2,9 +2,9 @@
 //!
 //! The gyroscopic torque of a substep is taken at its middle, `-w x I w` with `w = (w_0 + w_1) / 2`. At the exact mean
 //! this torque does no work for any substep h: `w . (I (w_1 - w_0)) = -h w . (w x I w) = 0`. At a mean predicted from
-//! the last substep's rate it adds energy to a body in flight. So where a root turns by more than [`FAST_ROOT`] in a
-//! substep, Newton's method finds the mean. The method keeps the inertia I of the whole robot about its centre of mass
-//! constant. The solve with w gives the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
+//! the last substep's rate the torque adds energy to a body in flight. So where a root turns by more than [`FAST_ROOT`]
+//! in a substep, Newton's method finds the mean. The method keeps the inertia I of the whole robot about its centre of
+//! mass constant. The solve with w gives the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
 //!
 //! ```text
 //! (I + h/2 ([w] I - [I w])) change = I off

@@ -1,5 +1,5 @@
 //! Friction that sticks: constants and breakaway. `touch.rs` applies them to slip, `turning.rs` to rotation. On a GPU
-//! `device/touch.cuh` and `device/press.cuh` do the same.
+//! `device/touch.cuh` and `device/press.cuh` apply them.
 
 use super::force::drag;
 use crate::prelude::*;
@@ -7,11 +7,11 @@ use crate::prelude::*;
 /// Drag of a sticking contact, in units of `1 / (h w)`. Each solve leaves about a thousandth of the slip, so a few
 /// solves make friction stick. The matrix stays well conditioned.
 pub(super) const STICK_DRAG: f64 = 2e3;
-/// Lower bound on w across the normal (1/kg). It limits the sticking drag of a point that cannot move across the
+/// Lower bound on w across the normal (1/kg). The bound limits the sticking drag of a point that cannot move across the
 /// normal.
 pub(super) const MIN_INV_MASS: f64 = 1e-12;
-/// Factor on the wrench of a sticking contact that the next stage of a substep starts from. It adds the force that
-/// stops the slip left by the stage before, where w is isotropic across the normal.
+/// Factor on the wrench of a sticking contact that the next stage of a substep starts from. The factor adds the force
+/// that stops the slip left by the stage before, where w is isotropic across the normal.
 pub(super) const HELD_FACTOR: f64 = 1.0 + 2.0 / STICK_DRAG;
 
 /// Breakaway slip, as a fraction of the slip that the force beyond the friction cone would give the contact's own

@@ -8,8 +8,8 @@
 //! frame with too stiff a force is stepped implicitly instead.
 //!
 //! Friction's drag c is bounded by Coulomb's law, so it never diverges. But where `h c w` is large, with `1 / w` the
-//! point's inertia, the point's velocity oscillates about zero and a standing robot creeps. Such a frame, too, is
-//! stepped implicitly.
+//! point's inertia, the point's velocity oscillates about zero and a standing robot creeps. A frame with such friction,
+//! too, is stepped implicitly.
 
 use nerd_core::{dynamics::Factor, spatial::parallel_axis};
 
@@ -172,8 +172,8 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
     size
 }
 
-/// Upper bound (1/kg) on a point's acceleration along a force there, per unit of force, as if its link were free. It is
-/// `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
+/// Upper bound (1/kg) on a point's acceleration along a force there, per unit of force, as if its link were free. The
+/// bound is `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
 pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link
@@ -196,9 +196,9 @@ fn inv_masses(system: &System) -> Vec<f64> {
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }
 
-/// Lower bound on the inertia at the joint of link `i`, `1 / (M^-1)_ii`, in any pose. It is the armature plus the two
-/// adjacent links' inertia, both free to turn about their centres of mass. On a fixed base it is the link's inertia
-/// about the joint. Links further out only add inertia.
+/// Lower bound on the inertia at the joint of link `i`, `1 / (M^-1)_ii`, in any pose. The bound is the armature plus
+/// the inertia of the two adjacent links, both free to turn about their centres of mass. On a fixed base it is the
+/// armature plus the link's inertia about the joint. Links further out only add inertia.
 fn least_inertia(system: &System, i: usize) -> Option<f64> {
     let robot = &system.robot;
     let link = &robot.links[i];

@@ -19,7 +19,7 @@ pub(super) enum Touch {
     Contact(Contact),
     /// Dry friction of a joint.
     Friction(DryFriction),
-    /// A joint beyond an end of its range. It may pull, and is damped in both directions.
+    /// A joint beyond an end of its range: a spring that may pull, and a damper for both directions.
     Limit(Spring),
     /// A drive, its least and largest force, and the bound that it is held at, if saturated.
     Drive { spring: Spring, bounds: [f64; 2], held: Option<f64> },
@@ -270,7 +270,7 @@ impl Spring {
 }
 
 impl DryFriction {
-    /// Material of a contact with the same friction.
+    /// Material whose contact friction at normal force `most` equals this dry friction.
     #[inline]
     pub(super) fn material(&self) -> Material {
         Material {
@@ -311,8 +311,8 @@ fn damper(h: f64, d: f64, w: f64) -> f64 {
     (1.0 - 1.0 / (h * d * w)).max(0.5)
 }
 
-/// Part of a substep during which a gap is negative, and its mean there; `None` if it never is. The gap is `middle` at
-/// the middle and changes by `half` until the end.
+/// Fraction of a substep during which a gap is negative, and the mean gap over that part; `None` if it never is. The
+/// gap is `middle` at the middle and changes by `half` until the end.
 pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
     let (least, most) = (middle - half.abs(), middle + half.abs());
     match (least < 0.0, most <= 0.0) {

@@ -32,7 +32,7 @@ impl Materials {
         self.means.is_empty()
     }
 
-    /// Material of a contact point on the k-th collider; `None` if they never meet.
+    /// Material of a contact point on the k-th collider; `None` if point and collider never meet.
     #[inline]
     pub(super) fn of(&self, system: &System, point: &ContactPoint, collider: &Collider, k: usize) -> Option<Material> {
         let mean = self.means[k];

@@ -2,9 +2,9 @@
 //!
 //! A thread steps the frame and records each substep. Its start and rate take `8 NQ + 2 NV sizeof(real)` bytes. The
 //! record also has a bit per touch and drive for whether it was idle, and the force (and torque) that each contact
-//! holds. The backward pass runs from the last substep to the first. It finds the contacts again but repeats no solve;
-//! Runge-Kutta stages are computed again. The record has room for eight times the substeps of the settings. A frame
-//! that the energy check (`energy.rs`) would refine further takes no more substeps than that.
+//! holds. The backward pass runs from the last substep to the first. The backward pass finds the contacts again but
+//! repeats no solve; Runge-Kutta stages are computed again. The record has room for eight times the substeps of the
+//! settings. A frame that the energy check (`energy.rs`) would refine further takes no more substeps than that.
 
 use super::program::{Reach, Real, functions, whips};
 use crate::articulated::gradients::covered;

@@ -67,7 +67,7 @@ pub trait Motion: Send {
         0
     }
 
-    /// Steps the batch in `held` by one frame, on the device's main stream. Environments with a fault may stay as they
-    /// are.
+    /// Steps the batch in `held` by one frame, on the device's main stream. Environments with a fault may keep their
+    /// state.
     fn frame(&self, held: &Held) -> Result<(), DeviceError>;
 }

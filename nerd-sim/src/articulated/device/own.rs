@@ -1,5 +1,5 @@
-//! Parameters that differ between the robots of a family ([`crate::vary`]). They follow the scene in its record; all
-//! others are constants in the text.
+//! Parameters that differ between the robots of a family ([`crate::vary`]). These parameters follow the scene in its
+//! record; all other parameters are constants in the text.
 //!
 //! Every table of [`TABLES`] is a macro in the text: `MASS(t)` is the constant table or, where `[vary]` changes it, a
 //! pointer to the robot's numbers.

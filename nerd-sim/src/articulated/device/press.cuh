@@ -1,4 +1,4 @@
-// Solves for accelerations under touches and drives, as articulated/kick.rs. Updates their forces and drags, as
+// Solves for accelerations under touches and drives, as articulated/kick.rs. Updates the touches' forces and drags, as
 // `Contact::settle` of articulated/touch.rs.
 
 FN real damper_theta(real h, real damping, real weight, bool mean_theta) {
@@ -190,8 +190,8 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         changed = changed || size(next / t.drag - 1) > settled;
         t.drag = next;
     }
-    // A drive at its bound stays there. All drives are tested before any is written, so that no load from memory waits
-    // for another.
+    // A drive at a torque bound stays at that bound for the substep. All drives are tested before any is written, so
+    // that no load from memory waits for another.
     Drives& d = w.drives;
     unsigned beyond[PULLS / 32 + 1] = {};
     const auto torque = [&](int i) { return d.torque[i] - d.resists[i] * (w.qdd[DOFS + i] * h); };

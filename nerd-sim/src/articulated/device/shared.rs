@@ -110,7 +110,8 @@ impl SharedStates {
         Ok(faults)
     }
 
-    /// Uploads the batch's states again, after `envs` were restarted: clears their faults and memory.
+    /// Uploads the batch's states again, after `envs` were restarted: clears the faults and memory of these
+    /// environments.
     pub fn begin(
         &mut self,
         Simulation { batch, solver }: &mut Simulation,

@@ -11,7 +11,7 @@ use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::system::motors::LATEST;
 
-/// [`super::super::Articulated`] on a GPU, one thread per environment: the same frame, any robot.
+/// [`super::super::Articulated`] on a GPU, one thread per environment. Steps the same frames, for any robot.
 ///
 /// Refuses settings of the reference ([`has_kernels`]) and shapes other than planes, boxes, cylinders, balls, capsules,
 /// hulls and height fields. For a family ([`crate::vary`]) it also steps the actuator and sensor model, as

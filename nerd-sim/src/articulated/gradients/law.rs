@@ -13,7 +13,7 @@ pub(super) struct At {
     /// Inverse effective mass w of the touch, see `implicit.rs`.
     pub(super) weight: f64,
     pub(super) friction: Friction,
-    /// Whether drags are the initial ones of the substep, not the solved ones.
+    /// Whether drags are those at the substep's start, instead of solved drags.
     pub(super) first: bool,
     /// Whether thetas of contacts and limits are constant (`energy.rs`).
     pub(super) mean_theta: bool,

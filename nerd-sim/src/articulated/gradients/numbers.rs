@@ -22,10 +22,10 @@ pub(super) const GRAVITY: Number = (4, 0);
 const WIDTHS: [usize; 5] = [16, 3, 4, 11, 3];
 
 /// First index of each kind of part in the vector, and the vector's length. A link has mass (kg), centre of mass (m),
-/// inertia about the latter (nine numbers, kg m^2), and joint position on the link above (m). A joint has damping (N m
-/// s/rad or N s/m), dry friction (N m or N) and armature (kg m^2 or kg). A contact point has place (m) and radius (m).
-/// A collider has the material of the robot's contact with it, and, if a plane, normal and offset (m). Geoms with
-/// contact laws of their own have multiples of this material. Last comes gravity (m/s^2).
+/// inertia about its centre of mass (nine numbers, kg m^2), and joint position on the link above (m). A joint has
+/// damping (N m s/rad or N s/m), dry friction (N m or N) and armature (kg m^2 or kg). A contact point has place (m) and
+/// radius (m). A collider has the material of the robot's contact with it, and, if a plane, normal and offset (m).
+/// Geoms with contact laws of their own have multiples of this material. Last comes gravity (m/s^2).
 #[derive(Clone, Copy)]
 struct Layout([usize; 6]);
 

@@ -8,8 +8,8 @@ use super::super::spin::arm;
 use super::numbers::{COM, Numbers, ORIGIN};
 use crate::prelude::*;
 
-/// Gradients with respect to a substep's inputs. Those of a free root are in world axes. They are with respect to a
-/// rotation, a displacement of its origin, its angular velocity and its origin's velocity.
+/// Gradients with respect to a substep's inputs. A free root's gradients are in world axes. Their parts refer to a
+/// rotation, a displacement of the root's origin, its angular velocity and its origin's velocity.
 pub(super) struct Row {
     pub(super) pose: Vec<f64>,
     pub(super) speed: Vec<f64>,
@@ -19,7 +19,7 @@ pub(super) struct Row {
     /// Gradient with respect to target and speed of each joint's drive.
     pub(super) drives: Vec<[f64; 2]>,
     /// Gradient with respect to w of every touch, accumulated over the frame's substeps so far; `damping_used` and
-    /// `shares` likewise, with respect to the joints' damping and implicit resistance.
+    /// `shares` accumulate those with respect to the joints' damping and implicit resistance.
     pub(super) weights: Vec<f64>,
     /// Gradient with respect to the trace of a contact's 3x3 w; w across the normal is the trace less w along it.
     pub(super) across: Vec<f64>,

@@ -344,8 +344,8 @@ fn solve_adjoint(
             .surfaces
             .meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
         if let Some(Meeting::Law(pair)) = mets {
-            // The pair's law is constant: its material is a multiple of the robot's. Its friction has a gradient only
-            // where one value is set for all pairs.
+            // The pair's law is constant: its material is a multiple of the robot's. The pair's friction has a gradient
+            // only where one value is set for all pairs.
             let one = f64::from(place.system.one_friction.is_some() && pair.condim > 1);
             by_material
                 .iter_mut()
