@@ -1,8 +1,8 @@
 //! Implicit step's equations solved along the tree in O(n), for robots with long chains: cables, hands, humanoids.
 //!
-//! A touch resists the motion of one link or one joint. So `(M + h sum J^T D J) qdd = right` is solved as forward
-//! dynamics by the articulated-body algorithm ([`TreeFactor`]). `h J_x^T D J_x` adds to the inertia of the contact's
-//! link, `h d` to the armature of a joint.
+//! A touch (contact, limit, drive or dry friction) resists the motion of one link or one joint. So
+//! `(M + h sum J^T D J) qdd = right` is solved as forward dynamics by the articulated-body algorithm ([`TreeFactor`]).
+//! A contact adds `h J_x^T D J_x` to the inertia of its link. A joint's resistance d adds `h d` to its armature.
 
 use nalgebra::Matrix6;
 use nerd_core::dynamics::TreeFactor;
@@ -10,13 +10,15 @@ use nerd_core::dynamics::TreeFactor;
 use super::touch::Contact;
 use crate::prelude::*;
 
-/// Least cost of the matrix's factorisation, in multiplications per DoF, to use the tree. By measurement: quadrupeds
-/// with legs of three joints gain little or lose, humanoids and chains of twenty hinges gain.
+/// Least cost of factorising the mass matrix, in multiplications per DoF, at which steps are solved along the tree. By
+/// measurement, the tree is faster than the matrix for humanoids and for chains of twenty hinges. It is hardly faster,
+/// or slower, for quadrupeds with three joints per leg.
 const MIN_FACTOR_COST: usize = 60;
-/// Least number of joints with springs in a chain that may whip, however short.
+/// Least number of joints with springs at which a robot counts as a chain that may whip, however short.
 const MIN_WHIP_JOINTS: usize = 3;
 
-/// Whether a robot's implicit steps are solved along its tree, and checked for whips; else by its matrix.
+/// Whether a robot's implicit steps are solved along its tree and checked for whips. Otherwise its mass matrix is
+/// factorised.
 pub fn along(robot: &Robot) -> bool {
     let above: Vec<usize> =
         nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
@@ -32,15 +34,16 @@ pub(super) fn chained(robot: &Robot) -> bool {
 
 pub(super) struct Tree {
     factor: TreeFactor,
-    /// Implicit resistance, added to the inertias of links and to the armatures of joints.
+    /// Implicit resistance: of each link, added to its inertia; of each joint, added to its armature (kg m^2 or kg).
     links: Vec<Matrix6<f64>>,
     joints: Vec<f64>,
-    /// Contact wrenches on links.
+    /// Contact wrench on each link (N m, N).
     press: Vec<Wrench>,
 }
 
 impl Tree {
-    /// `None` where the matrix is faster, or where the mass matrix is not the tree's (`stand_ins`).
+    /// `None` where factorising the mass matrix is faster, or where that matrix takes other links' inertias
+    /// (`stand_ins`).
     pub(super) fn new(system: &System) -> Option<Self> {
         let robot = &system.robot;
         let (links, joints) = (robot.links.len(), robot.joint_count());
@@ -62,7 +65,7 @@ impl Tree {
         sound
     }
 
-    /// Inverse effective mass w of a joint.
+    /// Inverse effective mass w of a joint (1/(kg m^2) or 1/kg); needs `plain`.
     pub(super) fn inv_mass(&self, robot: &Robot, joint: usize) -> f64 {
         self.factor.inv_mass(robot, joint + usize::from(robot.floating()))
     }
@@ -73,7 +76,7 @@ impl Tree {
         self.factor.response(*link, &Wrench::force_at(*force, x)).at(x)
     }
 
-    /// Begins a pass with the joints' own implicit resistance.
+    /// Begins a solve: sets the joints' resistance to their own, `shares` (kg m^2 or kg), and all others to zero.
     pub(super) fn clear(&mut self, shares: &[f64]) {
         self.links.fill(Matrix6::zeros());
         self.joints.copy_from_slice(shares);
@@ -108,12 +111,12 @@ impl Tree {
         }
     }
 
-    /// Adds to the resistance of a joint.
+    /// Adds `resists` (kg m^2 or kg) to the implicit resistance of a joint.
     pub(super) fn joint(&mut self, joint: usize, resists: f64) {
         self.joints[joint] += resists;
     }
 
-    /// Replaces `right` by the solution; `false` if there is none.
+    /// Replaces the generalised forces `right` by the accelerations; `false` if the factorisation fails.
     pub(super) fn solve(&mut self, robot: &Robot, data: &Data, right: &mut [f64]) -> bool {
         let sound = self.factor.refill(robot, data, &self.links, &self.joints);
         if sound {

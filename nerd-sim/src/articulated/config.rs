@@ -16,11 +16,11 @@ pub enum Integrator {
 }
 
 /// How contact, joint limits and joint damping are integrated over a substep. Robots with dry friction always take
-/// implicit steps. So does a frame with a joint or a friction too stiff for explicit substeps.
+/// implicit steps. A frame with a joint or a friction too stiff for explicit substeps takes implicit steps, too.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ContactStep {
-    /// Forces at the substep's start, as in the reference: stable only for short substeps.
+    /// Takes forces at the substep's start, as the reference simulator does; stable only for short substeps.
     #[default]
     Explicit,
     /// Theta method of second order: each force alone is stable at any substep. A frame that gains energy is repeated
@@ -40,12 +40,12 @@ pub enum Friction {
 
 pub(super) struct Settings {
     pub(super) config: ArticulatedConfig,
-    /// Relative change of a drag below which no further solve is needed, in a frame of one substep; and the most solves
-    /// of a substep. See `kick.rs`.
+    /// Tolerance on the relative change of a drag between two solves, in a frame of one substep. Second: the most
+    /// solves of a substep. See `kick.rs`.
     pub(super) settling: (f64, usize),
 }
 
-/// Inputs of a frame; `contact`: whether there are both colliders and contact points.
+/// Inputs of a frame. `contact`: whether there are colliders and contact points. `tau`: torques `[joint]` (N m or N).
 #[derive(Clone, Copy)]
 pub(super) struct Asked<'a> {
     pub(super) system: &'a System,
@@ -63,11 +63,11 @@ pub struct ArticulatedConfig {
     pub integrator: Integrator,
     /// Substeps per frame, at least 1, of the frames that `integrator` steps.
     ///
-    /// `substeps` and `contact_substeps` never act in the same frame; only a frame repeated for a stiff joint takes the
-    /// larger. So a sweep over either changes nothing where the other acts; [`Self::moves_as`] tells whether two
-    /// settings differ.
+    /// A frame uses either `substeps` or `contact_substeps`. A frame repeated implicitly for a stiff joint uses the
+    /// larger of the two. A sweep over one setting does not change frames that use the other. [`Self::moves_as`] tells
+    /// whether two configurations give the same motion.
     pub substeps: usize,
-    /// Substeps per frame everywhere else, at least 1.
+    /// Substeps per frame, at least 1, of frames with contact, dry friction, springs, drives or self-collision.
     pub contact_substeps: usize,
     /// When the mass matrix is recomputed (symplectic Euler only).
     pub refresh: Refresh,
@@ -96,23 +96,23 @@ impl ArticulatedConfig {
         }
     }
 
-    /// Stable with few substeps, and of second order: theta method for contact, limits and joint damping. `substeps`
-    /// counts contact substeps; free space always takes RK4 with four.
+    /// Theta method for contact, limits and joint damping: of second order, and stable with few substeps. `substeps`
+    /// sets `contact_substeps`. Frames in free space always take four substeps of RK4.
     pub fn implicit(substeps: usize, friction: Friction) -> Self {
         let (integrator, contact_step) = (Integrator::Rk4, ContactStep::Implicit);
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
     }
 
-    /// Truth of models, policies and charts: [`Self::implicit`] with the substeps of the robot's specification.
-    /// `results/substeps.md` at commit `5ced4b7` measures the change when they are doubled.
+    /// Ground truth for models, policies and charts: [`Self::implicit`] with the substeps of the robot's specification.
+    /// `results/substeps.md` at commit `5ced4b7` measures the change when the substeps are doubled.
     pub fn accurate(system: &System) -> Self {
         Self::implicit(system.spec.substeps, Friction::Coulomb)
     }
 
-    /// Most accurate preset: RK4 with four substeps in free space, [`Self::implicit`] with 128 elsewhere.
+    /// Most accurate preset: RK4 with four substeps in free space, [`Self::implicit`] with 128 substeps elsewhere.
     ///
-    /// Four RK4 substeps suffice while no joint turns by more than about 0.1 rad in one. A light wrist with aligned
-    /// axes, without damping or armature, spins far faster and needs 64 to 256
+    /// Four RK4 substeps suffice while no joint turns by more than about 0.1 rad in a substep. A light wrist with
+    /// aligned axes, without damping or armature, turns far faster and needs 64 to 256 substeps
     /// (`nerd-sim/tests/articulated/convergence.rs`).
     pub fn converged(friction: Friction) -> Self {
         Self::implicit(128, friction)
@@ -126,7 +126,7 @@ impl ArticulatedConfig {
         self == other || implicit(self).is_some() && implicit(self) == implicit(other)
     }
 
-    /// Refuses numbers of substeps outside their range.
+    /// Refuses numbers of substeps outside 1 to `MAX_SUBSTEPS`.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
             within(format_args!("articulated: {key}"), n as f64, 1.0..=MAX_SUBSTEPS as f64, "")?;

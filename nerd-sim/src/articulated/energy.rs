@@ -1,27 +1,28 @@
-//! Energy watch: a frame that gains energy is repeated with more substeps, as its error requires.
+//! Energy check: a frame that gains energy is repeated with more substeps, the more the larger its gain.
 //!
-//! Too long a substep shows in the energy: at a light link that whips, a point that parts, a hard limit impact, an
-//! unsettled drag. K is the kinetic energy of links and rotors. S is the energy in springs of contacts, self-collision,
-//! limits and joints. V is the links' energy in gravity. W is the work of torques and drives, W+ the sum of the works'
-//! absolute values. A frame of T seconds passes if
+//! Too long a substep adds energy. This happens at a light link that whips, a point that parts, a hard impact at a
+//! limit, or a drag that has not converged. K is the kinetic energy of links and rotors. S is the energy in springs of
+//! contacts, self-collision, limits and joints. V is the links' energy in gravity. W is the work of torques and drives,
+//! W+ the sum of the works' absolute values. A frame of T seconds passes if
 //!
 //! ```text
 //! gain = (K + S)_1 - E <= GAIN_TOLERANCE max((K + S)_0, E) + WORK_TOLERANCE W+ + FALL_TOLERANCE m (g T)^2 / 2,    E = (K + S)_0 + W - (V_1 - V_0)
 //! ```
 //!
-//! In a repeated frame contacts and limits have theta 1/2, their springs 1/4. Where the thetas differ, a force computed
-//! at `v + theta (v' - v)` does work on another velocity, `f . (v + v') / 2`. A light link between stiff touches then
-//! gains energy, in proportion to the substep. With equal thetas each touch alone dissipates.
+//! In a repeated frame contacts and limits have theta 1/2, and their springs 1/4. Where the thetas differ, a force
+//! computed at `v + theta (v' - v)` does work on another velocity, `f . (v + v') / 2`. A light link between stiff
+//! touches then gains energy, in proportion to the substep. With equal thetas each touch alone dissipates.
 //!
-//! A gain that is left at the most substeps, above all at an edge of terrain, is taken from K_1: all velocities are
-//! scaled by one factor. Where K_1 is too small, or the excess is above both (K + S)_0 and E, the frame ends at rest in
-//! its first pose.
+//! A gain that remains at the most substeps, above all at an edge of terrain, is removed from K_1: one factor scales
+//! all velocities. Where K_1 is too small, or the excess is above both (K + S)_0 and E, the frame ends at rest in its
+//! first pose.
 //!
-//! All other forces dissipate, so a gain is the step's error. It falls with the square of the substep, or the first
-//! power where a point meets or leaves its surface. At edges and between cells of terrain the distance jumps, and no
-//! substep is short enough. Every frame is checked in scenes with more than planes. Elsewhere a frame is checked only
-//! after an event that may gain energy. Examples are a joint that turns by [`FAST_TURN`] in a substep, a point or limit
-//! that comes or leaves, and solves without convergence. All other frames, and explicit presets, stay unchanged.
+//! All other forces dissipate, so a gain is an error of the step. The gain falls with the square of the substep, or the
+//! first power where a point meets or leaves its surface. At edges and between cells of terrain the distance jumps, and
+//! no substep is short enough to avoid a gain. Every frame is checked in scenes with more than planes. Elsewhere a
+//! frame is checked only after an event that may gain energy. Examples are a joint that turns by [`FAST_TURN`] in a
+//! substep, a point or limit that comes or leaves, and solves without convergence. All other frames, and explicit
+//! presets, stay unchanged.
 
 use nerd_core::dynamics::{to_local, velocities};
 
@@ -29,21 +30,22 @@ use super::{config::Asked, fold::folded, workspace::Workspace};
 use crate::prelude::*;
 use crate::{scene::place, solver::gone};
 
-/// Tolerated gain as a fraction of a frame's energy; and the same without contact and self-collision.
+/// Tolerated gain as a fraction of the larger of (K + S)_0 and E; and the same for frames without contact and
+/// self-collision.
 pub(super) const GAIN_TOLERANCE: f64 = 1e-5;
 pub(super) const GAIN_TOLERANCE_FREE: f64 = 5e-7;
 /// Tolerated gain as a fraction of W+, the absolute work of torques and drives.
 pub(super) const WORK_TOLERANCE: f64 = 1e-3;
-/// Tolerated gain as a fraction of the kinetic energy that gravity gives a robot at rest in a frame.
+/// Tolerated gain as a fraction of the kinetic energy that the robot gains by a frame of free fall from rest.
 pub(super) const FALL_TOLERANCE: f64 = 1e-3;
 /// A frame is not refined at or above this number of substeps.
 pub(super) const MAX_REFINED: usize = 1024;
-/// The same limit for a frame in contact with terrain. Between cells a ball's distance jumps, and no substep is short
-/// enough for the energy that its spring gains.
+/// A frame in contact with terrain is not refined at or above this number of substeps. Between cells a ball's distance
+/// jumps, and no substep is short enough for the energy that its spring gains.
 pub(super) const MAX_REFINED_TERRAIN: usize = 8;
 /// Turn (rad) or travel (m) of a joint in a substep above which the frame's energy is checked.
 pub(super) const FAST_TURN: f64 = 0.015;
-/// The same for Runge-Kutta.
+/// Turn (rad) or travel (m) of a joint in a Runge-Kutta substep above which the frame's energy is checked.
 pub(super) const FAST_TURN_RK4: f64 = 0.1;
 
 /// Energies (J) of a state.
@@ -58,9 +60,10 @@ pub(super) struct Energy {
 }
 
 impl Workspace {
-    /// Factor (a power of two) on `substeps` that a frame from `start` to `state` needs to gain no energy; 1 if it
-    /// passes. The factor is a lower bound, since the error falls with the square of the substep at most. Also the
-    /// factor on its velocities that would remove the gain; 0 if none can.
+    /// Factors on the substeps and on the velocities of a frame from `start` to `state`. The first, a power of two,
+    /// multiplies `substeps` so that the frame gains no energy; 1 if it passes. This factor is a lower bound, since the
+    /// gain falls with the square of the substep at most. The second would remove the gain from the velocities at the
+    /// frame's end; 0 if none can.
     pub(super) fn refine(
         &mut self,
         asked: &Asked,
@@ -80,7 +83,7 @@ impl Workspace {
         }
         self.start = start;
         let (before, after) = (before?, after?);
-        // K + S without a gain.
+        // E: K + S at the frame's end without a gain.
         let expected = before.kinetic_and_springs + work - (after.potential - before.potential);
         let (gain, scale) = (after.kinetic_and_springs - expected, before.kinetic_and_springs.max(expected));
         let fallen = 0.5 * system.robot.mass() * (scene.gravity.norm() * system.frame_time).powi(2);
@@ -102,7 +105,7 @@ impl Workspace {
         self.trial.copy_from_slice(state);
         let mut trial = std::mem::take(&mut self.trial);
         let energy = self.energy_of(system, scene, &mut trial);
-        // Before errors return: the next environment needs the memory.
+        // Restores the memory before an error returns, since the next environment needs it.
         self.trial = trial;
         energy
     }
@@ -129,7 +132,7 @@ impl Workspace {
         if !self.materials.is_empty() {
             for (owner, event) in self.owners.iter().zip(&self.events) {
                 let point = &robot.contact_points[*owner];
-                // A plane's event holds the normal, but not the point's place on a kinetic locus.
+                // A plane's event has the normal, but not the place of a point with a moving locus.
                 let roams = || event.normal.dot(&(place(point, data, &event.normal) - event.p1));
                 let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider)
                 else {

@@ -1,4 +1,4 @@
-//! A frame of explicit substeps: symplectic Euler, or Runge-Kutta where there is nothing to touch.
+//! A frame of explicit substeps: symplectic Euler, or Runge-Kutta without contact.
 
 use nerd_core::dynamics::{bias, crba, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
 
@@ -6,7 +6,8 @@ use super::{config::Asked, force::force, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
-/// Margin (m) of contact queries that serve a whole frame, beyond twice the distance that a point covers.
+/// Margin (m) of contact queries that serve a whole frame, added to twice the distance that a point covers in the
+/// frame.
 const QUERY_MARGIN: f64 = 0.1;
 
 impl Workspace {
@@ -28,16 +29,17 @@ impl Workspace {
             to_world(robot, q, qd);
             return Ok(true);
         }
-        // The origin stays at the root's first position throughout the frame, so a kept mass matrix shares it with the
-        // forces. Any origin then gives the same motion, also the world's, which the reference has.
+        // The origin stays at the root's first position throughout the frame, so a kept mass matrix and the forces have
+        // the same origin. The motion does not depend on a fixed origin; the reference takes the world's.
         let origin = root_position(robot, q);
         move_twist(robot, &origin, qd);
         for substep in 0..substeps {
             let renew = substep == 0 || config.refresh == Refresh::Substep;
             kinematics_about(robot, q, &origin, &mut self.data);
             if contact {
-                // A plane stays the same throughout a frame. Other shapes are queried once a frame and held as tangent
-                // planes, as in the reference. If the matrix is renewed every substep, so are the queries.
+                // A plane stays the same throughout a frame. With `Refresh::Frame` other shapes are queried once a
+                // frame and held as tangent planes, as in the reference. With `Refresh::Substep` all shapes are queried
+                // in every substep.
                 if renew {
                     let held = config.refresh == Refresh::Frame;
                     let (time, margin) = if held { (2.0 * system.frame_time, QUERY_MARGIN) } else { (0.0, 0.0) };
@@ -56,8 +58,8 @@ impl Workspace {
         Ok(true)
     }
 
-    /// Writes contact wrenches to `data.external`, and adds `share` of their forces to the frame's. `false` if a
-    /// friction is too stiff for a substep of `dt`.
+    /// Writes contact wrenches to `data.external`, and adds their forces, times `share`, to the frame's mean forces.
+    /// `false` if a friction is too stiff for a substep of `dt`.
     fn contact_wrenches(&mut self, asked: &Asked, qd: &[f64], dt: f64, share: f64) -> bool {
         let Asked { system, scene, config, .. } = *asked;
         let robot = &system.robot;
@@ -185,7 +187,8 @@ fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Symplectic Euler. A floating root's twist is about `origin`: `p_dot = v + w x (p - origin)`.
+/// Steps (q, qd) by symplectic Euler over `dt` (s). A floating root's twist is about `origin`:
+/// `p_dot = v + w x (p - origin)`.
 #[inline]
 fn euler(robot: &Robot, q: &mut [f64], qd: &mut [f64], qdd: &[f64], origin: &Vector3<f64>, dt: f64) {
     qd.iter_mut().zip(qdd).for_each(|(v, a)| *v += a * dt);

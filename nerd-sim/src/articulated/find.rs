@@ -8,8 +8,8 @@ use super::{touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
 impl Workspace {
-    /// Finds all points and joints that are beyond their surface or limit during any part of the substep. Pose and
-    /// kinematics are at its middle.
+    /// Finds all points and joints that are beyond their surface or limit during any part of the substep. Needs pose
+    /// and kinematics at the substep's middle.
     pub(super) fn find(&mut self, system: &System, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
         let robot = &system.robot;
         velocities(robot, qd, &mut self.data);
@@ -22,10 +22,10 @@ impl Workspace {
         self.find_limits(robot, pairs, q, qd, h);
     }
 
-    /// Finds the contacts, from the frame's contact events.
+    /// Finds the contacts among the substep's contact events.
     fn find_contacts(&mut self, system: &System, scene: &Scene, h: f64) {
         let (robot, materials, data) = (&system.robot, &self.materials, &self.data);
-        // Gravity may land a point within this distance (m), although its present velocity would not.
+        // Below this gap (m) gravity may land a point within the substep, although its present velocity would not.
         let fall = h * h * scene.gravity.norm();
         let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
         for (owner, event) in self.owners.iter().zip(&self.events) {
@@ -132,7 +132,8 @@ impl Workspace {
     }
 }
 
-/// Place of a contact point on its link; `None` if it roams and stays farther than `margin` (m) from the surface.
+/// Place (m) of a contact point in its link's frame. `None` if its locus moves and stays farther than `margin` (m) from
+/// the surface over `time` (s).
 fn place(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, time: f64) -> Option<Vector3<f64>> {
     match point.locus {
         Locus::Fixed => Some(point.local),
@@ -140,7 +141,8 @@ fn place(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, t
     }
 }
 
-/// Spin and radius of gyration of a link, where its material has torsional or rolling friction.
+/// Angular velocity and squared radius of gyration of a link whose material has torsional or rolling friction; else
+/// zeros.
 fn turning(robot: &Robot, data: &Data, link: usize, material: &Material) -> Turning {
     let mut turning = Turning::default();
     if material.torsion > 0.0 || material.rolling > 0.0 {
@@ -170,8 +172,8 @@ pub(super) fn above(
     }
 }
 
-/// Place in the link's frame of a contact point with a moving locus; `None` if no place of the locus comes down within
-/// `half` a substep (s).
+/// Place (m) in the link's frame of a contact point with a moving locus. `None` if no place of the locus comes within
+/// `margin` (m) of the surface over `half` a substep (s).
 #[inline(never)]
 fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, half: f64) -> Option<Vector3<f64>> {
     let (rotation, twist, n, reach) =

@@ -1,20 +1,20 @@
 //! Self-collision: contact forces between links of a robot (`self_collision`).
 //!
-//! The law is contact's ([`super::force`]), without torsional and rolling friction, between the capsules of two links.
-//! Its material is the robot's own, or the pair's from the robot's file. Equal and opposite forces act at one place, so
-//! momentum is kept to rounding. Such a contact couples branches of the tree, which the implicit solve excludes. So it
-//! acts as an external force, evaluated at the middle of the substep. Stiffness k, damping d and drag c are bounded so
-//! that a substep h can resolve them. Here `1 / w` is the least inertia that two points feel against each other, as if
+//! Capsules of two links meet under the contact law of [`super::force`], without torsional and rolling friction. The
+//! material is the robot's own, or the pair's from the robot's file. Equal and opposite forces act at one place, so
+//! momentum is conserved to rounding. Self-collision couples branches of the tree, so the implicit solve excludes it.
+//! Its force is external, evaluated at the middle of the substep. Stiffness k, damping d and drag c are bounded so that
+//! a substep h can resolve them. Here `1 / w` is the least effective mass (kg) of two points against each other, as if
 //! their links were free:
 //!
 //! ```text
 //! k <= z_k / (h^2 w n),    d, c <= z_d / (h w n)        leapfrog is stable for  h^2 k w + 2 h d w < 4
 //! ```
 //!
-//! with n simultaneous contacts of a pair of links. The bounds depend on the robot and the frame's first substep h
-//! alone. A frame repeated with more substeps keeps them (`energy.rs`), so a contact returns no more than it stored. A
-//! link resting on another under gravity g sinks in by about `n g h^2 / z_k`; a drive that presses with many times its
-//! weight, by more.
+//! with n simultaneous contacts of a pair of links. The bounds depend only on the robot and on the substep h of the
+//! frame's first attempt. A frame repeated with more substeps keeps its bounds (`energy.rs`), so a contact returns no
+//! more energy than it stored. A link resting on another under gravity g sinks in by about `n g h^2 / z_k` (m). A drive
+//! that presses with many times the link's weight makes it sink in more.
 
 use super::force::force;
 use super::touch::{inside, part_of};
@@ -29,11 +29,13 @@ pub(super) const MAX_FOLD_DAMPING: f64 = 0.25;
 struct Met {
     links: [usize; 2],
     material: Material,
-    /// Gap (m) less the margin; its gradient with respect to the first part's position; contact place; velocity (m/s)
-    /// there of the first part relative to the second.
+    /// Gap (m) less the margin.
     gap: f64,
+    /// Gradient of the gap with respect to the first part's position.
     normal: Vector3<f64>,
+    /// Contact place (m, from `data.origin`).
     place: Vector3<f64>,
+    /// Velocity (m/s) at `place` of the first part relative to the second.
     velocity: Vector3<f64>,
 }
 
@@ -65,7 +67,7 @@ fn meetings(system: &System, inv_mass: &[f64], first_h: f64, h: f64, data: &Data
 }
 
 /// Writes the forces between links, at the middle of a substep h, to `data.external`; returns whether any act.
-/// `first_h`: substep (s) of the frame's first attempt. `inv_mass`: w n of each pair.
+/// `first_h`: substep (s) of the frame's first attempt. `inv_mass`: w n of each pair (1/kg).
 pub(super) fn fold(
     system: &System,
     inv_mass: &[f64],
@@ -91,7 +93,7 @@ pub(super) fn fold(
     any
 }
 
-/// Energy (J) in the springs between links.
+/// Energy (J) in the springs of self-collision.
 pub(super) fn folded(system: &System, inv_mass: &[f64], first_h: f64, data: &Data) -> f64 {
     let mut sum = 0.0;
     meetings(system, inv_mass, first_h, 0.0, data, |met| {
@@ -100,7 +102,7 @@ pub(super) fn folded(system: &System, inv_mass: &[f64], first_h: f64, data: &Dat
     sum
 }
 
-/// A material softened to the bounds of a substep h at w n (`inv_mass`).
+/// Softens a material to the stability bounds of a substep h (s). `inv_mass`: w n (1/kg).
 fn followed(material: &Material, inv_mass: f64, h: f64) -> Material {
     let [stiffest, most] = [MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING].map(|z| z / (h * inv_mass));
     let stiffness = material.stiffness.min(stiffest / h);

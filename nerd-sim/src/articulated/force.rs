@@ -1,13 +1,13 @@
 //! The compliant contact model of the reference simulator, which the paper's authors used.
 //!
-//! Explicit substeps apply [`force`], and self-collision its law. In implicit substeps friction with the scene sticks:
+//! Explicit substeps and self-collision apply [`force`]. In implicit substeps friction with the scene sticks:
 //! `touch.rs` and `stick.rs` use only [`drag`].
 //!
 //! A contact point of radius r has the gap `g = n . (x - p1)` with `x = p0 - r n`, and acts for `g < 0`. The body moves
 //! at x with velocity v, `v_n = n . v`, `v_t = v - v_n n`. The normal force along n is
 //! `N = max(0, -(k_e g + k_d v_n))`; where `v_n > 0`, `k_e` times `release` takes the place of `k_d`. Friction is
 //! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with `s = |v_t|^2 / 2` up to 1 m/s and
-//! `|v_t| - 1/2` above (Huber). Both are dissipative; no restitution, no adhesion.
+//! `|v_t| - 1/2` above (Huber). Both friction laws dissipate energy. There is no restitution and no adhesion.
 
 use crate::prelude::*;
 
@@ -21,7 +21,8 @@ pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, 
     n * normal - slip * drag(normal, speed, material, friction)
 }
 
-/// Drag of friction (N s/m), `min(k_f s, mu N) / s`, at normal force `normal` (N) and slip `speed` (m/s).
+/// Drag of friction (N s/m), `min(k_f s, mu N) / s` with the size s of the slip, at normal force `normal` (N) and slip
+/// `speed` (m/s).
 #[inline]
 pub fn drag(normal: f64, speed: f64, material: &Material, friction: Friction) -> f64 {
     let limit = material.friction * normal;
@@ -30,7 +31,7 @@ pub fn drag(normal: f64, speed: f64, material: &Material, friction: Friction) ->
     if material.friction_damping * size <= limit { material.friction_damping } else { limit / size }
 }
 
-/// Size s of a slip, and its derivative with respect to the speed.
+/// Size s (m/s) of a slip in the friction law, and its derivative with respect to the slip `speed` (m/s).
 #[inline]
 fn size(speed: f64, friction: Friction) -> (f64, f64) {
     match friction {
@@ -46,13 +47,13 @@ pub(super) struct Drag {
     pub(super) value: f64,
     pub(super) by_normal: f64,
     pub(super) by_speed: f64,
-    /// With respect to `friction_damping` and to `friction`.
+    /// Derivatives with respect to the material's `friction_damping` and `friction`.
     pub(super) by_damping: f64,
     pub(super) by_friction: f64,
 }
 
 impl Drag {
-    /// At a normal force (N); below zero there is none.
+    /// Drag and derivatives at a `normal` force (N) and a slip `speed` (m/s). A negative normal force counts as 0.
     pub(super) fn of(normal: f64, speed: f64, material: &Material, friction: Friction) -> Self {
         let value = drag(normal.max(0.0), speed, material, friction);
         let (size, gradient) = size(speed, friction);

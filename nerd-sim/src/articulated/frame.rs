@@ -55,7 +55,8 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// Steps a frame. While the frame gains energy or its state is lost, steps it again with more substeps.
+    /// Steps a frame. While the frame fails, gains energy or ends in a state that is not finite, steps it again with
+    /// more substeps.
     fn watched(
         &mut self,
         system: &System,
@@ -69,7 +70,8 @@ impl Workspace {
         let contact = self.begin(system, scene, settings);
         self.start.copy_from_slice(state);
         let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty();
-        // From face to face of a shape or a field the distance jumps, and the spring's energy with it.
+        // Between faces of a shape or cells of a height field the distance jumps, and with it the energy in the
+        // contact's spring.
         let mut may_gain_energy = contact && scene.colliders.iter().any(|c| c.plane.is_none());
         let mut finer = Asked { system, scene, config: *config, contact, tau };
         loop {
@@ -116,7 +118,7 @@ impl Workspace {
             self.materials.begin(system, scene);
             let most = robot.contact_points.len() * scene.colliders.len();
             self.events.clear();
-            // Events of one more point are held for a moment while covered ones are removed.
+            // Room for the events of one more point, before its covered events are removed.
             self.events.reserve(most + scene.colliders.len());
             self.owners.clear();
             self.owners.reserve(most);
@@ -136,7 +138,7 @@ impl Workspace {
             own.kept.iter_mut().for_each(Kept::begin);
         };
         begin(self);
-        // Only the implicit step can hold dry friction, which is stiff at rest, springs, drives and self-collision.
+        // Only the implicit step has dry friction (stiff at rest), springs, drives and self-collision.
         if system.held() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(asked, config.contact_substeps, state);
         }

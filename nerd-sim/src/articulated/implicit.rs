@@ -1,12 +1,12 @@
 //! Implicit substep of second order: contact, limits and joint damping by the theta method, each force stable alone.
 //!
-//! Leapfrog: half a drift of the positions, a kick of the velocities by the forces at the middle, half a drift. A touch
-//! is a contact, a limit, a drive or dry friction. Its force depends on the change of velocity over the substep, so it
-//! is solved for. v is the velocity of the touching place at the substep's start, v' at its end. The touch's damper and
-//! drag see the velocity `v + theta (v' - v)`; its spring sees the gap `g + theta h (v' - v)`, with g at the middle. A
-//! spring's theta is 1/4, which takes the mean of the gaps at both ends and keeps its energy. A damper's theta is 1/2,
-//! the trapezoidal rule; 1 would be implicit Euler. Both grow where the force is too stiff for the touch's own inertia,
-//! `1 / w = 1 / n^T J M^-1 J^T n`:
+//! A substep is a leapfrog step: half a drift of the positions, a kick of the velocities by the forces at the middle,
+//! half a drift. A touch is a contact, a limit, a drive or dry friction. A touch's force depends on the change of
+//! velocity over the substep, so that change is solved for. The touching place has velocity v at the substep's start
+//! and v' at its end. The touch's damper and drag see the velocity `v + theta (v' - v)`; its spring sees the gap
+//! `g + theta h (v' - v)`, with g at the middle. A spring's theta is 1/4, which takes the mean of the gaps at both ends
+//! and so conserves the spring's energy. A damper's theta is 1/2, the trapezoidal rule; 1 would be implicit Euler. Both
+//! thetas grow where the force is too stiff for the touch's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
 //!
 //! ```text
 //! theta_k = max(1/4, 1/2 - 1 / (2 h^2 k w)),   theta_d = max(1/2, 1 - 1 / (h d w)),   theta_c of the drag c likewise
@@ -16,10 +16,10 @@
 //! ```
 //!
 //! In a `Contact` v is `start`, u is `turn`, `s_0` is `slip_offset`, and `push` returns `f - D u` and D. The implicit
-//! resistance of a touch is its `h D`, an inertia that the matrix gains. Places and J are taken at the middle. The
-//! damping d holds while a point approaches; while it parts, d is k times the material's `release`. The velocity that
-//! the damper sees decides which, found by iteration. Sticking friction starts from its last force: through the slip
-//! offset `s_0` the drag gives that force at zero slip (`stick.rs`).
+//! resistance of a touch is its `h D`, an inertia that the matrix gains. Places and J are those of the substep's
+//! middle. The damping d holds while a point approaches; while it parts, d is k times the material's `release`. The
+//! velocity that the damper sees decides between the two, by iteration. Sticking friction starts from its last force:
+//! through the slip offset `s_0` the drag gives that force at zero slip (`stick.rs`).
 //!
 //! In u, omega is the root's angular velocity and `p_dot` its velocity. A free root's `qdd` is its spatial
 //! acceleration; `p_dot` changes by that plus `omega x p_dot`. The spatial acceleration of a rolling ball is
@@ -29,26 +29,28 @@
 //! `J_dot qd` is the rate of change of a touching place's velocity at zero `qdd`. With omega and a of the link it is
 //! `a + omega_dot x r + omega x r_dot`, less the root's `omega x p_dot`. In the code omega is `w` and the place r is
 //! `x`. The place moves with the centre of a ball, with a corner, or round the rim of a disc. At theta 1/2 `J_dot qd`
-//! cancels: v lacks half of it, and theta u adds that half. Stiff friction has theta near 1, where it does not cancel.
-//! Without `J_dot qd` it would stop the slip along the middle's axes, and so drive a wobbling coin.
+//! cancels: v lacks half of it, and theta u adds that half. Stiff friction has theta near 1, where `J_dot qd` does not
+//! cancel. Without `J_dot qd`, stiff friction would stop the slip in the axes of the middle, and so accelerate a
+//! wobbling coin.
 //!
-//! A point may be inside its surface during only a part of the substep. The gap g is its mean over that part. k and d
-//! are multiplied by that fraction of the substep, and so is c in slip. So the instant of landing matters little. The
-//! drag c is friction over slip by the friction law, at the slip that the drag sees; it is found by iteration. A point
-//! that would pull has parted: it is dropped and the system solved again. A joint beyond its limit is a touch without
-//! friction that may pull. A joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a drag, so it creeps.
-//! A drive ([`crate::drive`]) may pull, until its effort makes its force constant.
+//! A point may be inside its surface during only a part of the substep. The gap g is then the mean gap over that part.
+//! That fraction of the substep multiplies k and d, and the drag c of a sliding point. So the instant of landing
+//! matters little. The drag c is friction over slip by the friction law, at the slip that the drag sees; it is found by
+//! iteration. A point that would pull has parted: it is dropped and the system solved again. A joint beyond its limit
+//! is a touch without friction that may pull. A joint's dry friction is a constant force, or below 1e-3 rad/s (m/s) a
+//! drag, so a joint that it holds creeps. A drive ([`crate::drive`]) may pull; at its effort limit its force is
+//! constant.
 //!
-//! A joint's own damper and spring are no touches: they act in every substep. Their forces are part of tau, and their
-//! implicit resistance (`shares`) is added to M. The spring's theta is that of a touch. The damper's theta is 1/2 up to
-//! `z_d = h d w` of 1, and beyond it is `1 / (1 - exp(-z_d)) - 1 / z_d`, exact for a lone damper. A spring too stiff
-//! for the substep, `z_k = h^2 k w`, would ring forever and shake the rest. So the damping used is at least
-//! `h k min(z_k, 1/2)`, of third order in h; the larger of this and the joint's own damping acts.
+//! A joint's own damper and spring are no touches: they act in every substep. The forces of damper and spring are part
+//! of tau, and their implicit resistance (`shares`) is added to M. The spring's theta is that of a touch. The damper's
+//! theta is 1/2 up to `z_d = h d w` of 1, and beyond it is `1 / (1 - exp(-z_d)) - 1 / z_d`, exact for a lone damper. A
+//! spring too stiff for the substep, with large `z_k = h^2 k w`, would oscillate undamped and disturb other joints. So
+//! the damping used is the larger of the joint's own and `h k min(z_k, 1/2)`, which is of third order in h.
 //!
-//! A touch couples only the joints above it, so the matrix keeps the tree's zeros and the factorisation its cost. For
-//! long chains the same equations are solved along the tree (`along.rs`). `find.rs` collects the touches, `touch.rs`
-//! has their forces, and `kick.rs` solves for `qdd`. `frame.rs` repeats a frame that gains energy (`energy.rs`) with
-//! more substeps.
+//! A touch couples only the joints above its link, so the matrix keeps the zeros of M, and its factorisation costs no
+//! more. For long chains the same equations are solved along the tree (`along.rs`). `find.rs` collects the touches,
+//! `touch.rs` has their forces, and `kick.rs` solves for `qdd`. `frame.rs` repeats a frame that gains energy
+//! (`energy.rs`) with more substeps.
 
 use nerd_core::dynamics::{crba, drift, inertias, to_local, to_world};
 
@@ -83,7 +85,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// One substep. It is stepped as two halves where the solve finds no velocity at the middle, which the bias forces
+    /// Steps one substep. Two halves replace it where the solve finds no velocity at the middle, which the bias forces
     /// need (`kick.rs`). `halvings`: how often the substep may still be halved.
     fn substep(
         &mut self,
@@ -117,7 +119,7 @@ impl Workspace {
             self.damp(robot, h)?;
         }
         self.set_thetas(robot, h, config.friction)?;
-        // In a frame's first substep no rate is known: a second solve corrects its middle.
+        // A frame's first substep has no rate that predicts its middle velocity: a second solve corrects that velocity.
         if first {
             self.touches.rate.fill(0.0);
         }
@@ -142,8 +144,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// Computes each joint's damping, and the implicit resistance of its damper and spring. They are kept for the
-    /// frame, unless h changes, so they must not depend on the velocity.
+    /// Computes each joint's damping, and the implicit resistance of its damper and spring. These values serve the
+    /// whole frame, unless h changes, so they must not depend on the velocity.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.damped_h = h;
         for (i, joint) in robot.joints().enumerate() {
@@ -160,7 +162,7 @@ impl Workspace {
     }
 
     /// Factorises the mass matrix M, without touches and joint damping, unless done in this substep. Inverse effective
-    /// masses need it.
+    /// masses need this factor.
     fn factorise_plain(&mut self, robot: &Robot) -> Result<(), String> {
         if std::mem::replace(&mut self.touches.factorised, true) {
             return Ok(());
@@ -172,7 +174,7 @@ impl Workspace {
         if sound { Ok(()) } else { Err(self.factor.fault_at(robot, fault)) }
     }
 
-    /// Inverse effective mass w of a joint, `(M^-1)_ii`; needs [`Self::factorise_plain`].
+    /// Inverse effective mass w of a joint (1/(kg m^2) or 1/kg), `(M^-1)_ii`; needs [`Self::factorise_plain`].
     fn joint_inv_mass(&mut self, robot: &Robot, joint: usize) -> f64 {
         let Touches { joint_column, tree, .. } = &mut self.touches;
         if let Some(tree) = tree {
@@ -184,7 +186,7 @@ impl Workspace {
         self.factor.inv_mass(k, joint_column).x
     }
 
-    /// Inverse effective mass w of a contact, `J M^-1 J^T`: along its normal, and summed over both tangential
+    /// Inverse effective mass w of a contact (1/kg), `J M^-1 J^T`: along its normal, and summed over both tangential
     /// directions. Needs [`Self::factorise_plain`].
     fn contact_inv_masses(&mut self, contact: &Contact) -> (f64, f64) {
         let Touches { columns, point_columns, tree, .. } = &mut self.touches;
@@ -204,7 +206,7 @@ impl Workspace {
         (along, w.trace() - along)
     }
 
-    /// Chooses theta of each touch's spring, damper and drag for stability, from its own inertia
+    /// Chooses theta of each touch's spring, damper and drag for stability, from the touch's own inertia
     /// `1 / w = 1 / n^T J M^-1 J^T n`. Also computes the initial drags, and notes touches that may gain energy.
     fn set_thetas(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
         let mut touches = std::mem::take(&mut self.touches.touches);
@@ -230,7 +232,7 @@ impl Workspace {
                 }
             };
             // A point that comes or leaves within the substep has a positive gap at one end. Then the mean gap plus
-            // half of the way is positive, too.
+            // half of the distance covered is positive, too.
             self.touches.may_gain_energy |= match touch {
                 Touch::Contact(contact) => contact.gap + 0.5 * h * contact.normal.dot(&contact.velocity).abs() > 0.0,
                 Touch::Limit(spring) => spring.gap + 0.5 * h * spring.rate.abs() > 0.0,
@@ -240,7 +242,7 @@ impl Workspace {
                 Touch::Contact(contact) => {
                     let (across, held) = &self.touches.slides[contact.index];
                     contact.set_thetas(w, *across, held, h, friction);
-                    // A spring too stiff to be resolved gains no energy alone; several on one body may.
+                    // A single contact spring too stiff for the substep gains no energy; several on one body may.
                     self.touches.may_gain_energy |= contact.theta[0] > MEAN_THETA;
                 }
                 Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.set_thetas(w, h),
@@ -262,7 +264,7 @@ impl Workspace {
 
 /// A joint's damping, and the implicit resistance of its damper and spring.
 pub(super) struct Damped {
-    /// See `Touches::damping_used`.
+    /// Damping used (N m s/rad or N s/m), see `Touches::damping_used`.
     pub(super) damping_used: f64,
     /// Implicit resistance (kg m^2 or kg), `theta h d + theta h^2 k`.
     pub(super) share: f64,
@@ -303,7 +305,7 @@ impl Damped {
 }
 
 /// Theta of a joint's own damper: 1/2, or beyond `z = h d w` of 1 the theta that makes the decay
-/// `1 - z / (1 + theta z)` exact, `exp(-z)`. Touches have `damper` in `touch.rs`.
+/// `1 - z / (1 + theta z)` exact, `exp(-z)`. For dampers of touches see `damper` in `touch.rs`.
 fn exponential_theta(z: f64) -> f64 {
     if z > 1.0 { -1.0 / (-z).exp_m1() - 1.0 / z } else { 0.5 }
 }

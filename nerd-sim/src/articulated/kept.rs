@@ -26,34 +26,36 @@ pub(super) struct Flown {
 
 pub(super) struct Step {
     pub(super) h: f64,
-    /// Coordinates at its middle, and local velocities at its start.
+    /// Coordinates at the substep's middle, and local velocities at its start.
     pub(super) q: Vec<f64>,
     pub(super) qd: Vec<f64>,
     pub(super) touches: Vec<Touch>,
     /// Damping and implicit resistance of the joints, see [`Touches`].
     pub(super) damping_used: Vec<f64>,
     pub(super) shares: Vec<f64>,
-    /// The middle velocity of each stage uses the rate of the stage before.
+    /// Stages of the substep: the middle velocity of each uses the rate of the stage before.
     pub(super) stages: Vec<Stage>,
-    /// Whether the substep was too long and two halves replaced it, from its start. Its rate then predicts the middle
-    /// of the first half.
+    /// Whether the substep was too long, so that two halves replaced it. The lost substep's rate then predicts the
+    /// middle velocity of the first half.
     pub(super) lost: bool,
 }
 
-/// Consecutive solves of a substep with the same middle velocity; records the last.
+/// Consecutive solves of a substep with the same middle velocity; the record is that of the last solve.
 pub(super) struct Stage {
     pub(super) middle: Vec<f64>,
     /// Rate of change of local velocities.
     pub(super) rate: Vec<f64>,
     /// By touch: whether its force is zero or constant, as of parted contacts and saturated drives.
     pub(super) idle: Vec<bool>,
-    /// By touch: slip and angular velocity offsets of sticking contacts (m/s, `Contact::held`; rad/s, `Turning::held`).
+    /// By touch: slip and angular velocity offsets of sticking contacts (m/s, `Contact::slip_offset`; rad/s,
+    /// `Turning::turn_offset`).
     pub(super) held: Vec<[Vector3<f64>; 2]>,
-    /// Whether `held` comes from the substep's stage before.
+    /// Whether `held` comes from the stage before, in the same substep.
     pub(super) again: bool,
     /// Whether drags are still the initial ones of the substep, because the stage was one solve.
     pub(super) first: bool,
-    /// Whether the middle's angular velocity is the mean of both ends under its own rate (`spin.rs`).
+    /// Whether the middle angular velocity is the mean of the substep's start and its end under this stage's rate
+    /// (`spin.rs`).
     pub(super) spun: bool,
 }
 
@@ -64,7 +66,7 @@ impl Kept {
         self.flights = 0;
     }
 
-    /// Records a stage. Takes its memory, and leaves spare memory in exchange.
+    /// Records a stage of Runge-Kutta. Exchanges `data` and `factor` for spare memory, where there is some.
     pub(super) fn flown(&mut self, state: &[f64], rate: &[f64], data: &mut Data, factor: &mut Factor) {
         if self.flights == self.flown.len() {
             let [state, rate] = [state, rate].map(<[f64]>::to_vec);

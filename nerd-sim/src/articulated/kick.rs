@@ -11,17 +11,17 @@ use crate::prelude::*;
 
 /// Most solves of a substep.
 pub(super) const PASSES: usize = 6;
-/// Relative change of a drag below which no further solve is needed, in a frame of one substep; n substeps take 1 / n
-/// of this.
+/// Tolerance on the relative change of a drag between two solves, in a frame of one substep. A frame of n substeps
+/// takes 1 / n of this tolerance.
 pub(super) const SETTLED: f64 = 0.02;
 
 /// Tolerated error of a joint's predicted middle velocity, times h (rad or m); above it the substep is solved again.
-/// Along the tree only.
+/// Used only where steps are solved along the tree.
 pub(super) const OFF: f64 = 1e-3;
-/// The same after that second solve; above it the substep is halved.
+/// Tolerated error (rad or m) of that prediction after the second solve; above it the substep is halved.
 pub(super) const LOST: f64 = 1e-2;
 
-/// Most repetitions of a frame's first solve, until each damper acts on the side that it sees.
+/// Most repetitions of a frame's first solve, until each contact's damping suits the velocity that its damper sees.
 pub(super) const SIDE_SOLVES: usize = 4;
 
 /// Settings of the solves of a substep.
@@ -37,7 +37,7 @@ pub(super) struct Substep<'a> {
 
 impl Workspace {
     /// Computes `rate`, the rate of change of local velocities over h, from the forces at the substep's middle. `false`
-    /// if the substep is too long to find it.
+    /// if the substep is too long to find its middle velocity.
     pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
         let (Substep { h, settled, .. }, Asked { system, scene, config, tau, .. }) = (*own, *own.asked);
         let robot = &system.robot;
@@ -51,7 +51,7 @@ impl Workspace {
         }
         let spins = Spin::of(robot, &self.data, (h, settled), qd);
         let (mut turn, mut spin) = (Vector3::zeros(), None);
-        // The frame's energy is checked, as for a joint that turns as fast.
+        // A root that turns fast may gain energy, as a joint may.
         self.touches.may_gain_energy |= spins.is_some();
         let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
         let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) =
@@ -88,22 +88,23 @@ impl Workspace {
                 }
             }
             self.solve(robot, h, pass > 0)?;
-            // Damping on the side of the substep's start would make the next state of a resting robot jump.
+            // Damping chosen by the sign of the start velocity would make the next state of a resting robot
+            // discontinuous.
             let mut solves = if first && pass == 0 { SIDE_SOLVES } else { 0 };
             while solves > 0 && self.take_sides(h) {
                 self.solve(robot, h, true)?;
                 solves -= 1;
             }
             let changed = self.settle(robot, h, settled, config.friction, pass);
-            // The middle is not corrected by a rate found before all drives are within their bounds.
+            // A rate found before all drives are within their bounds does not correct the middle velocity.
             let wait = changed && !self.drives.is_empty();
             let Touches { middle, rate, tree, .. } = &mut self.touches;
             if tree.is_some() {
-                // A chain may whip: then the last substep's rate predicts this one's middle badly.
+                // In a chain that whips, the last substep's rate predicts this substep's middle velocity badly.
                 let joints = middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(dofs);
                 let jump = joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h;
                 found = jump <= LOST;
-                // A jump because a point has parted is no whip.
+                // A jump of the velocity because a point has parted is no whip.
                 if !jump.is_finite() || corrected && quiet && !found {
                     return Ok(false);
                 }
@@ -121,7 +122,7 @@ impl Workspace {
             if let Some(kept) = self.kept.as_mut().filter(|_| done || all || pass + 1 == passes) {
                 kept.stage(&self.touches, all && pass == 0, spins.is_some() && (turned || !all));
                 if spins.is_some() && !all {
-                    // For the gradient the middle is the mean to rounding, without the tolerance.
+                    // For the gradient the recorded middle is the mean of both ends to rounding, not to the tolerance.
                     let mean = |k: usize| qd[k] + 0.5 * h * self.touches.rate[k];
                     kept.stages
                         .iter_mut()
@@ -142,7 +143,7 @@ impl Workspace {
     }
 
     /// Solves for accelerations with the touches that have not parted. The first solve expects the matrix without
-    /// touches in `data`; `again` restores it, or reuses its factor.
+    /// touches in `data.mass`. With `again` that matrix is restored, or its factor reused.
     fn solve(&mut self, robot: &Robot, h: f64, again: bool) -> Result<(), String> {
         let Touches { touches, columns, shares, mass, right, tree, .. } = &mut self.touches;
         match tree {
@@ -195,7 +196,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// Gives each contact the damping of the side that its damper saw in the last solution. Returns whether any changed.
+    /// Gives each contact the damping of approach or of parting, whichever its damper saw in the last solution. Returns
+    /// whether any damping changed.
     fn take_sides(&mut self, h: f64) -> bool {
         let Touches { touches, columns, tree, .. } = &mut self.touches;
         let mut changed = false;
@@ -240,7 +242,7 @@ impl Workspace {
                 }
                 Touch::Friction(dry) => {
                     let change = h * self.data.qdd[dofs + dry.joint];
-                    // With theta 1 it may add energy where its joint reverses.
+                    // Dry friction has theta 1, so it may add energy where its joint reverses.
                     *may_gain_energy |= dry.rate * (dry.rate + change) < 0.0;
                     dry.settle(change, friction, settled)
                 }

@@ -14,7 +14,7 @@ pub(super) struct Memory {
     pub(super) quickened: Vec<Motion>,
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
     pub(super) by_middle: Vec<f64>,
-    /// `(dR/da)^T` of the residual R of a substep's acceleration a.
+    /// `(dR/da)^T`: transposed Jacobian of the solve's residual R with respect to a substep's acceleration a.
     pub(super) matrix: DMatrix<f64>,
     pub(super) flight: Flight,
 }

@@ -4,8 +4,8 @@
 //! Euler under the compliant contact of [`force`], or implicit substeps ([`ContactStep::Implicit`]). A frame with a
 //! joint too stiff for explicit substeps is repeated with implicit ones under any preset. An implicit frame that gains
 //! energy is repeated with more substeps. Models and policies learn from preset `accurate`; `paper` reproduces the
-//! reference simulator; `converged` measures errors. An environment without collider or contact point runs no contact
-//! code.
+//! reference simulator; errors are measured against `converged`. An environment without collider or contact point runs
+//! no contact code.
 //!
 //! Where contact and its friction are computed:
 //!
@@ -23,11 +23,11 @@
 //! | self-collision | `fold.rs` | `fold.cuh` |
 //! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
 //!
-//! A joint's own forces are computed in two places. `explicit.rs` (`accelerate`) has them for explicit substeps.
-//! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` have them for implicit
-//! ones. A force in `System::held` makes every frame implicit, so it has no explicit part. `stiff.rs` decides which
-//! others are too stiff for explicit substeps. `gradients` differentiates them, `device` has them as kernels. [`force`]
-//! is contact's alone.
+//! Two places compute a joint's own forces. `explicit.rs` (`accelerate`) computes them for explicit substeps.
+//! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` compute them for implicit
+//! substeps. Forces in `System::held` have no explicit part, since they make every frame implicit. `stiff.rs` decides
+//! which other forces are too stiff for explicit substeps. `gradients` differentiates a joint's forces, and `device`
+//! computes them in kernels. [`force`] serves contact alone.
 
 mod along;
 mod config;

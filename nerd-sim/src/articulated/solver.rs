@@ -12,7 +12,7 @@ pub struct Articulated {
 }
 
 impl Articulated {
-    /// A solver with these settings.
+    /// Creates a solver with the settings `config`.
     pub fn new(config: ArticulatedConfig) -> Self {
         Self { settings: Settings { config, settling: (SETTLED, PASSES) }, parallel: Parallel::new() }
     }
@@ -25,11 +25,11 @@ impl Articulated {
         self
     }
 
-    /// As [`Solver::vjp`], with gradients with respect to the numbers of each environment's robot and scene, in the
-    /// order of [`super::numbers`].
+    /// Does the same as [`Solver::vjp`], and adds gradients with respect to the numbers of each environment's robot and
+    /// scene. Their order is that of [`super::numbers`].
     ///
-    /// Held constant: zero dry friction, contact points with a moving locus, and contact laws of pairs of geoms. If a
-    /// law is a multiple of the material, it still varies with the material.
+    /// These count as constant: dry friction of 0, contact points with a moving locus, and contact laws of pairs of
+    /// geoms. A pair's law that is a multiple of the material still varies with the material.
     pub fn back_by_numbers(
         &mut self,
         batch: &Batch,

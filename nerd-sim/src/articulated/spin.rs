@@ -1,10 +1,10 @@
 //! Midpoint angular velocity of a free root that spins fast, by Newton's method.
 //!
 //! The gyroscopic torque of a substep is taken at its middle, `-w x I w` with `w = (w_0 + w_1) / 2`. At the exact mean
-//! it does no work for any substep h: `w . (I (w_1 - w_0)) = -h w . (w x I w) = 0`. At a mean predicted from the last
-//! substep's rate it adds energy to a body in flight. So where a root turns by [`FAST_ROOT`] in a substep, Newton's
-//! method finds the mean. It holds the inertia I of the whole robot about its centre of mass constant. The solve with w
-//! gives the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
+//! this torque does no work for any substep h: `w . (I (w_1 - w_0)) = -h w . (w x I w) = 0`. At a mean predicted from
+//! the last substep's rate the torque adds energy to a body in flight. So where a root turns by more than [`FAST_ROOT`]
+//! in a substep, Newton's method finds the mean. The method keeps the inertia I of the whole robot about its centre of
+//! mass constant. The solve with w gives the acceleration a, and with `off = (w_0 + h a / 2) - w` the step is
 //!
 //! ```text
 //! (I + h/2 ([w] I - [I w])) change = I off
@@ -21,10 +21,11 @@ use crate::prelude::*;
 
 /// Turn (rad) of the root in a substep above which its middle angular velocity is solved for.
 pub(super) const FAST_ROOT: f64 = 0.015;
-/// Relative tolerance of the middle angular velocity; smaller if drags settle to less, down to rounding.
+/// Relative tolerance of the middle angular velocity. A smaller tolerance of drags lowers it, at most to
+/// `MIN_SPIN_TOLERANCE`.
 pub(super) const SPIN_TOLERANCE: f64 = 1e-7;
 const MIN_SPIN_TOLERANCE: f64 = 1e-12;
-/// Most solves of a substep for the middle, beyond its other solves.
+/// Most solves of a substep for its middle angular velocity, added to its other solves.
 pub(super) const SPIN_PASSES: usize = 8;
 
 /// Largest turn (rad) of the root in a substep of Runge-Kutta; the energy loss grows with its fifth power.
@@ -52,7 +53,8 @@ pub(super) fn centre(robot: &Robot, q: &mut [f64], sign: f64) {
     }
 }
 
-/// Kinematics about the centre of mass of the root's link, from coordinates `q` with the root's position there.
+/// Kinematics about the centre of mass of the root's link, from coordinates `q` that have the root's position at that
+/// centre.
 pub(super) fn kinematics_about_com(robot: &Robot, q: &[f64], data: &mut Data) {
     let place = root_position(robot, q);
     kinematics_about(robot, q, &(place + arm(robot, q)), data);
@@ -91,8 +93,8 @@ impl Spin {
         self.inertia + (w.cross_matrix() * self.inertia - (self.inertia * w).cross_matrix()) * (0.5 * self.h)
     }
 
-    /// Next estimate of the middle, for a substep from `qd`, given the `rate` solved at `middle`; `None` once that is
-    /// within tolerance.
+    /// Next estimate of the middle angular velocity (rad/s) for a substep from `qd`, given the `rate` solved at
+    /// `middle`. `None` once `middle` is within tolerance.
     pub(super) fn next(&self, qd: &[f64], middle: &[f64], rate: &[f64]) -> Option<Vector3<f64>> {
         let w = vector(middle);
         let off = vector(qd) + vector(rate) * (0.5 * self.h) - w;

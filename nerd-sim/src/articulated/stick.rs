@@ -1,22 +1,23 @@
 //! Friction that sticks: constants and breakaway. `touch.rs` applies them to slip, `turning.rs` to rotation. On a GPU
-//! `device/touch.cuh` and `device/press.cuh` do the same.
+//! `device/touch.cuh` and `device/press.cuh` apply them.
 
 use super::force::drag;
 use crate::prelude::*;
 
-/// Drag of a sticking contact, in units of `1 / (h w)`. A solve leaves about a thousandth of the slip. So a few solves
-/// make friction stick, and the matrix stays well conditioned.
+/// Drag of a sticking contact, in units of `1 / (h w)`. Each solve leaves about a thousandth of the slip, so a few
+/// solves make friction stick. The matrix stays well conditioned.
 pub(super) const STICK_DRAG: f64 = 2e3;
-/// Least w across the normal (1/kg): a point that cannot move there needs no larger drag.
+/// Lower bound on w across the normal (1/kg). The bound limits the sticking drag of a point that cannot move across the
+/// normal.
 pub(super) const MIN_INV_MASS: f64 = 1e-12;
-/// Factor on the wrench that a contact holds with in a substep's later stages. It adds the force that stops the slip
-/// left by the stage before, where w is isotropic across the normal.
+/// Factor on the wrench of a sticking contact that the next stage of a substep starts from. The factor adds the force
+/// that stops the slip left by the stage before, where w is isotropic across the normal.
 pub(super) const HELD_FACTOR: f64 = 1.0 + 2.0 / STICK_DRAG;
 
-/// Fraction of the slip that the excess over the friction cone would give the contact's own inertia, assumed at
-/// breakaway. With all of that slip, the points of one body would stick and slip in turns.
+/// Breakaway slip, as a fraction of the slip that the force beyond the friction cone would give the contact's own
+/// inertia. With all of that slip, the points of one body would stick and slip in turns.
 pub(super) const BREAKAWAY: f64 = 0.5;
-/// Solves of a substep with such a breakaway; then drags settle.
+/// Number of a substep's first solves that assume a breakaway slip; in later solves drags converge without it.
 pub(super) const BREAKAWAY_SOLVES: usize = 6;
 
 /// Drag (N s/m or N m s/rad) at a slip `rate` (m/s or rad/s) under a normal force (N). `inertia` is the effective

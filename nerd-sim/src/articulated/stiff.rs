@@ -1,6 +1,6 @@
 //! Detects dampers and limits too stiff for an explicit substep h, before they diverge.
 //!
-//! A damper d and a spring k at joint i change its velocity within a substep by `h (d + h k) w` times itself. Here
+//! A damper d and a spring k at joint i change the joint's velocity v within a substep by `h (d + h k) w v`. Here
 //! `1 / w = 1 / (M^-1)_ii` is the joint's own inertia, and r the spectral radius of `S^1/2 M^-1 S^1/2`,
 //! `S_i = h (2 d + h k)`. Symplectic Euler is stable for r < 4, Runge-Kutta for r < 5.5. For r < 2 a lone damper does
 //! not overshoot under symplectic Euler. Under Runge-Kutta its velocity after a substep is within 2 % of the exact one.
@@ -8,7 +8,8 @@
 //! frame with too stiff a force is stepped implicitly instead.
 //!
 //! Friction's drag c is bounded by Coulomb's law, so it never diverges. But where `h c w` is large, with `1 / w` the
-//! point's inertia, it trembles about rest and a standing robot creeps. Such a frame, too, is stepped implicitly.
+//! point's inertia, the point's velocity oscillates about zero and a standing robot creeps. A frame with such friction,
+//! too, is stepped implicitly.
 
 use nerd_core::{dynamics::Factor, spatial::parallel_axis};
 
@@ -16,9 +17,11 @@ use crate::prelude::*;
 
 /// Largest spectral radius r of dampers, and of limits under symplectic Euler.
 pub(super) const MAX_RADIUS: f64 = 2.0;
-/// Largest r of limits under Runge-Kutta. The Ant's reaches 5.0 with all its joints beyond their limits.
+/// Largest spectral radius r of limits under Runge-Kutta. The Ant's r reaches 5.0 with all its joints beyond their
+/// limits.
 pub(super) const MAX_RADIUS_RK4: f64 = 5.2;
-/// Largest `h c w` of friction, with the upper bound on w. ANYmal's shins reach 8.4 with the reference's substeps.
+/// Largest `h c w` of friction, with the upper bound on w. ANYmal's shins have an `h c w` of up to 8.4 with the
+/// reference's substeps.
 pub(super) const MAX_DRAG: f64 = 12.0;
 /// Most simultaneous contacts of a pair of links: four carry a face that lies on another.
 const MAX_PAIR_CONTACTS: usize = 4;
@@ -31,9 +34,9 @@ pub(super) struct Bounds {
     pub(super) least: Vec<f64>,
     /// Upper bound on w of each contact point in any direction (1/kg).
     pub(super) inv_mass: Vec<f64>,
-    /// Sum over the joints of 2 d over the least inertia (1/s).
+    /// Sum over the joints of twice the damping over the least inertia, `2 d / least` (1/s).
     pub(super) damped: f64,
-    /// w n of each pair of links that may touch, see [`inv_masses`].
+    /// w n (1/kg) of each pair of links that may touch, see [`inv_masses`].
     pub(super) folds: Vec<f64>,
 }
 
@@ -56,11 +59,11 @@ pub(super) struct Stiff {
     pub(super) bounds: Arc<Bounds>,
     /// Whether the dampers were checked in this frame.
     looked: bool,
-    /// Whether all limits together are soft enough in this frame, if known.
+    /// Whether all limits together are soft enough for explicit substeps of this frame, if known.
     soft: Option<bool>,
     /// w of each joint, computed at most once a frame.
     weights: Vec<Option<f64>>,
-    /// Joints beyond a limit now, with their S.
+    /// Joints beyond a limit now, each with its `S_i = h (2 d + h k)`.
     acting: Vec<(usize, f64)>,
     others: Vec<(usize, f64)>,
     vector: Vec<f64>,
@@ -103,7 +106,7 @@ impl Stiff {
         self.acting.push((i, stiffness(limit, h)));
     }
 
-    /// Whether the acting limits are too stiff for a substep `h`; `factor` is the mass matrix's.
+    /// Whether the acting limits are too stiff for a substep `h`; `factor`: of the mass matrix.
     #[inline]
     pub(super) fn limits(&mut self, robot: &Robot, factor: &Factor, h: f64, integrator: Integrator) -> bool {
         if self.acting.is_empty() {
@@ -169,8 +172,8 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
     size
 }
 
-/// Upper bound on the acceleration (1/kg), in its direction, by a unit force at a point of a link: as if the link were
-/// free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
+/// Upper bound (1/kg) on a point's acceleration along a force there, per unit of force, as if its link were free. The
+/// bound is `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
 pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link
@@ -180,7 +183,7 @@ pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }
 }
 
-/// w n of each pair of links, in any pose: as if both links were free.
+/// Upper bound on w n (1/kg) of each pair of links in any pose, as if both links were free.
 fn inv_masses(system: &System) -> Vec<f64> {
     let (links, folds) = (&system.robot.links, &system.folds);
     // w is largest at the ends of a capsule's axis; a force at its surface goes through the axis.
@@ -193,9 +196,9 @@ fn inv_masses(system: &System) -> Vec<f64> {
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }
 
-/// Lower bound on the inertia at the joint of link `i`, `1 / (M^-1)_ii`, in any pose. It is the armature plus the two
-/// adjacent links' inertia, both free to turn about their centres of mass. On a fixed base it is the link's inertia
-/// about the joint. Links further out only add inertia.
+/// Lower bound on the inertia at the joint of link `i`, `1 / (M^-1)_ii`, in any pose. The bound is the armature plus
+/// the inertia of the two adjacent links, both free to turn about their centres of mass. On a fixed base it is the
+/// armature plus the link's inertia about the joint. Links further out only add inertia.
 fn least_inertia(system: &System, i: usize) -> Option<f64> {
     let robot = &system.robot;
     let link = &robot.links[i];

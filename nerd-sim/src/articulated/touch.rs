@@ -11,7 +11,7 @@ pub(super) const CREEP: f64 = 1e-3;
 /// Theta of a spring that keeps its energy: the mean of the gaps at the substep's ends, `g + h (v' - v) / 4`.
 pub(super) const MEAN_THETA: f64 = 0.25;
 
-/// A force that acts within a substep, or may.
+/// A force that acts, or may act, within a substep.
 #[derive(Clone)]
 #[allow(clippy::large_enum_variant)] // Most are contacts.
 pub(super) enum Touch {
@@ -19,7 +19,7 @@ pub(super) enum Touch {
     Contact(Contact),
     /// Dry friction of a joint.
     Friction(DryFriction),
-    /// A joint beyond an end of its range. It may pull, and is damped in both directions.
+    /// A joint beyond an end of its range: a spring that may pull, and a damper for both directions.
     Limit(Spring),
     /// A drive, its least and largest force, and the bound that it is held at, if saturated.
     Drive { spring: Spring, bounds: [f64; 2], held: Option<f64> },
@@ -28,7 +28,7 @@ pub(super) enum Touch {
 /// A point on a collider: its geometry, then the state of the solve.
 #[derive(Clone)]
 pub(super) struct Contact {
-    /// Number of the pair of point and collider, and the point's.
+    /// Index of the pair of point and collider, and index of the point.
     pub(super) index: usize,
     pub(super) point: usize,
     pub(super) link: usize,
@@ -36,7 +36,7 @@ pub(super) struct Contact {
     pub(super) x: Vector3<f64>,
     /// Range of its columns of J, by DoF, in `Touches::columns`; empty along the tree.
     pub(super) columns: std::ops::Range<usize>,
-    /// Material scaled by the part of the substep that the point is inside, and the whole material.
+    /// Material scaled by the part of the substep that the point is inside, and the unscaled material.
     pub(super) material: Material,
     pub(super) whole: Material,
     pub(super) normal: Vector3<f64>,
@@ -57,7 +57,7 @@ pub(super) struct Contact {
     pub(super) drag: f64,
     /// Slip offset `s_0` (m/s) with zero drag force: the friction held from the last solve, over the sticking drag.
     pub(super) slip_offset: Vector3<f64>,
-    /// The same at the substep's start.
+    /// Slip offset `s_0` (m/s) at the substep's start.
     pub(super) slip_offset_start: Vector3<f64>,
     pub(super) turning: Turning,
     /// Whether the point would pull; then it no longer acts.
@@ -69,15 +69,15 @@ pub(super) struct Contact {
 /// A spring and a damper of one joint.
 #[derive(Clone)]
 pub(super) struct Spring {
-    /// Its number among all w.
+    /// Index of the spring's w in `Touches::weights`.
     pub(super) index: usize,
     pub(super) joint: usize,
     /// Sign of the joint's velocity in `rate`.
     pub(super) side: f64,
     pub(super) stiffness: f64,
     pub(super) damping: f64,
-    /// Gap (rad or m) at the middle of the substep; mean gap over the part beyond; rate of the gap. A drive has its
-    /// errors of position and velocity.
+    /// Gap (rad or m) at the middle of the substep; mean gap over the part beyond the limit; rate of the gap. A drive
+    /// has its errors of position and velocity here.
     pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) rate: f64,
@@ -97,7 +97,7 @@ pub(super) struct DryFriction {
 }
 
 impl Touch {
-    /// Its number among all w, if it has a w.
+    /// Index of the touch's w in `Touches::weights`, if it has a w.
     pub(super) fn index(&self) -> Option<usize> {
         match self {
             Self::Contact(contact) => Some(contact.index),
@@ -108,8 +108,9 @@ impl Touch {
 }
 
 impl Contact {
-    /// Chooses theta of its forces for stability over h, and computes its initial drag. `w` is along its normal,
-    /// `across` the sum over both tangential directions. `held`: force (N) and torque (N m) of the substep before.
+    /// Chooses theta of the contact's forces for stability over h, and computes the initial drag. `w` (1/kg) is along
+    /// the normal, `across` (1/kg) the sum over both tangential directions. `held`: force (N) and torque (N m) of the
+    /// substep before.
     #[inline]
     pub(super) fn set_thetas(&mut self, w: f64, across: f64, held: &Wrench, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
@@ -132,8 +133,7 @@ impl Contact {
         }
     }
 
-    /// Sets the slip offsets so that at zero slip its drags give this wrench, less the normal force: a force (N) and a
-    /// torque (N m).
+    /// Sets slip and turn offsets so that at zero slip the drags give this wrench (N, N m) without its normal force.
     #[inline]
     pub(super) fn hold(&mut self, Wrench { lin: force, ang: torque }: &Wrench) {
         let stiff = self.material.friction_damping;
@@ -144,13 +144,14 @@ impl Contact {
         }
     }
 
-    /// Whether the damper sees the point part, at a normal velocity (m/s) at the substep's start and its change.
+    /// Whether the damper sees the point part, at normal velocity `vn` (m/s) at the substep's start and its change `dn`
+    /// (m/s).
     #[inline]
     pub(super) fn parts(&self, vn: f64, dn: f64) -> bool {
         vn + self.dampers[0][1] * dn >= 0.0
     }
 
-    /// Whether it has torsional or rolling friction.
+    /// Whether the contact has torsional or rolling friction.
     #[inline]
     pub(super) fn turns(&self) -> bool {
         self.material.torsion > 0.0 || self.material.rolling > 0.0
@@ -173,7 +174,7 @@ impl Contact {
                 let centre = data.position[self.link] + rotation * point.local;
                 twist.at(&centre) + point.runs(rotation, &self.normal, &twist.ang, h)
             }
-            // The centre of its ball.
+            // Velocity of the centre of the point's ball.
             _ => twist.at(&(self.x + self.normal * point.radius)),
         };
         let bend = data.acceleration[self.link].at(&self.x) + twist.ang.cross(&moves) + free;
@@ -192,8 +193,8 @@ impl Contact {
         (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
     }
 
-    /// Takes the damping of the side that its damper sees at a normal velocity (m/s) and its change. Returns whether it
-    /// is another.
+    /// Takes the damping of approach or of parting, whichever the damper sees at `vn` and `dn` (m/s) of
+    /// [`Self::parts`]. Returns whether the damping changed.
     #[inline]
     pub(super) fn take_side(&mut self, vn: f64, dn: f64) -> bool {
         let [damping, damper] = self.dampers[usize::from(self.parts(vn, dn))];
@@ -202,7 +203,8 @@ impl Contact {
         other
     }
 
-    /// Updates force and drag after a change `h J qdd` of its velocity; returns whether another solve is needed.
+    /// Updates force and drag after a change `h J qdd` (m/s) of the point's velocity; returns whether another solve is
+    /// needed.
     #[inline]
     pub(super) fn settle(
         &mut self,
@@ -226,12 +228,13 @@ impl Contact {
             if pass < BREAKAWAY_SOLVES {
                 next = breaking(normal.max(0.0), slip.norm(), self.drag, m, inertia);
             }
-            // A slip that a force within the cone can stop sticks at once. Only in the first solve: the points of one
-            // body would take turns.
+            // A slip that a force within the cone can stop sticks at once. This is only done in the first solve; later
+            // the points of one body would stick in turns.
             if pass == 0 && slip.norm() * (self.drag + inertia) <= m.friction * normal {
                 next = m.friction_damping;
             }
-            // Drag above the point's inertia over the substep changes little, so a rise needs no small tolerance.
+            // A drag far above the point's inertia over the substep hardly changes the motion, so its rise needs no
+            // small tolerance.
             if next > self.drag {
                 tolerance *= 1.0 + self.drag / inertia;
             }
@@ -250,7 +253,7 @@ impl Spring {
         self.theta = [spring_theta(h * h * self.stiffness * w), damper(h, self.damping, w)];
     }
 
-    /// Force on the joint at zero `qdd`, and implicit resistance.
+    /// Force (N m or N) on the joint at zero `qdd`, and implicit resistance (N m s/rad or N s/m).
     #[inline]
     pub(super) fn push(&self, h: f64) -> (f64, f64) {
         let [spring, damper] = self.theta;
@@ -258,7 +261,7 @@ impl Spring {
         (self.side * force, spring * h * self.stiffness + damper * self.damping)
     }
 
-    /// Force in the gap's direction, after a change of its rate over h.
+    /// Force (N m or N) in the gap's direction, after a `change` of the gap's rate over h.
     #[inline]
     pub(super) fn force(&self, change: f64, h: f64) -> f64 {
         let [spring, damper] = self.theta;
@@ -267,7 +270,7 @@ impl Spring {
 }
 
 impl DryFriction {
-    /// Material of a contact with the same friction.
+    /// Material whose contact friction at normal force `most` equals this dry friction.
     #[inline]
     pub(super) fn material(&self) -> Material {
         Material {
@@ -279,13 +282,13 @@ impl DryFriction {
         }
     }
 
-    /// Drag at a rate of the joint.
+    /// Drag (N m s/rad or N s/m) at a joint velocity `rate` (rad/s or m/s).
     #[inline]
     pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
         drag(self.most, rate.abs(), &self.material(), friction)
     }
 
-    /// Updates the drag after a change of the rate; returns whether another solve is needed.
+    /// Updates the drag after a change of the joint's velocity (rad/s or m/s); returns whether another solve is needed.
     #[inline]
     pub(super) fn settle(&mut self, change: f64, friction: Friction, settled: f64) -> bool {
         let next = self.drag(self.rate + change, friction);
@@ -302,14 +305,14 @@ pub(super) fn spring_theta(z: f64) -> f64 {
     (0.5 - 0.5 / z).max(MEAN_THETA)
 }
 
-/// Theta of a damper d that keeps it stable.
+/// Theta at which a damper d is stable over a substep h, at inverse effective mass w.
 #[inline]
 fn damper(h: f64, d: f64, w: f64) -> f64 {
     (1.0 - 1.0 / (h * d * w)).max(0.5)
 }
 
-/// Part of a substep during which a gap is negative, and its mean there; `None` if it never is. The gap is `middle` at
-/// the middle and changes by `half` until the end.
+/// Fraction of a substep during which a gap is negative, and the mean gap over that part; `None` if it never is. The
+/// gap is `middle` at the middle and changes by `half` until the end.
 pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
     let (least, most) = (middle - half.abs(), middle + half.abs());
     match (least < 0.0, most <= 0.0) {

@@ -12,10 +12,10 @@ pub(super) struct Touches {
     /// Inverse effective mass w of every pair of point and collider, every joint's limit and every drive, computed once
     /// a frame.
     pub(super) weights: Vec<Option<f64>>,
-    /// By pair of point and collider: w across the normal, summed over both directions, and the contact's wrench in the
-    /// substep before.
+    /// By pair of point and collider: w across the normal (1/kg), summed over both directions. Second: the contact's
+    /// wrench (N m, N) in the substep before.
     pub(super) slides: Vec<(f64, Wrench)>,
-    /// Damping of each joint: its own, or more where its spring is too stiff for the substep.
+    /// Damping of each joint (N m s/rad or N s/m): its own, or more where its spring is too stiff for the substep.
     pub(super) damping_used: Vec<f64>,
     /// Implicit resistance of the joints' own dampers and springs, `theta h d + theta h^2 k`.
     pub(super) shares: Vec<f64>,
@@ -25,17 +25,17 @@ pub(super) struct Touches {
     pub(super) factorised: bool,
     /// Torques of the joints' springs at the middle of the substep.
     pub(super) pull: Vec<f64>,
-    /// Whether contacts and limits have theta 1/2 (springs 1/4) in any substep: too stiff a spring then rings, but
-    /// gains no energy.
+    /// Whether contacts and limits have theta 1/2 (springs 1/4) however long the substep. A spring too stiff for the
+    /// substep then oscillates, but gains no energy.
     pub(super) mean_theta: bool,
-    /// Whether anything happened in the frame that may gain energy.
+    /// Whether an event of the frame may have gained energy (`energy.rs`).
     pub(super) may_gain_energy: bool,
     /// Factor on the frame's final velocities that removes gained energy (`energy.rs`).
     pub(super) velocity_factor: f64,
     /// Work (J) of the drives in the frame, and the sum of its absolute values.
     pub(super) work: (f64, f64),
     pub(super) mass: DMatrix<f64>,
-    /// Solver along the tree, for trees too deep for the matrix.
+    /// Solver along the tree; `None` where the matrix is factorised instead.
     pub(super) tree: Option<Tree>,
     /// Velocity at the middle of the substep, for the bias forces, and the latest rate of change of the velocities.
     pub(super) middle: Vec<f64>,

@@ -10,8 +10,8 @@ use crate::prelude::*;
 
 /// Least squared radius of gyration of a link (m^2).
 pub(super) const MIN_GYRATION: f64 = 1e-6;
-/// Sticking drag of a torque, over the sticking drag of slip times the link's squared radius of gyration. For a ball or
-/// a box on the ground it amounts to [`STICK_DRAG`] times the angular inertia over the substep.
+/// Ratio of a torque's sticking drag to the sticking drag of slip times the link's squared radius of gyration. For a
+/// ball or a box on the ground the torque's drag is then [`STICK_DRAG`] times the angular inertia over the substep.
 pub(super) const TURN_STICK_DRAG: f64 = 8.0;
 /// Angular inertia over the substep that breakaway assumes, in units of `stick / STICK_DRAG`.
 pub(super) const TURN_INERTIA: f64 = 1.2;

@@ -32,7 +32,7 @@ impl Materials {
         self.means.is_empty()
     }
 
-    /// Material of a contact point on the k-th collider; `None` if they never meet.
+    /// Material of a contact point on the k-th collider; `None` if point and collider never meet.
     #[inline]
     pub(super) fn of(&self, system: &System, point: &ContactPoint, collider: &Collider, k: usize) -> Option<Material> {
         let mean = self.means[k];
@@ -67,7 +67,7 @@ pub(super) struct Workspace {
     pub(super) rates: [Vec<f64>; 4],
     pub(super) trial: Vec<f64>,
     pub(super) start: Vec<f64>,
-    /// Relative change of a drag below which no further solve is needed, and the most solves of a substep.
+    /// Tolerance on the relative change of a drag between two solves, and the most solves of a substep.
     pub(super) settling: (f64, usize),
     /// Record of the frame, when its gradient is wanted.
     pub(super) kept: Option<Kept>,
@@ -102,7 +102,7 @@ impl Workspace {
     }
 
     /// Contact events of every point with every collider within `margin` (m) plus the distance covered in `time` (s) at
-    /// its present velocity.
+    /// the point's present velocity.
     pub(super) fn query(
         &mut self,
         system: &System,
@@ -119,7 +119,8 @@ impl Workspace {
             let flat = only.plane.is_some();
             for point in &robot.contact_points {
                 let middle = point_position(&self.data, point.link, &point.local);
-                // One push per branch: a common push copies the event over the stack, at a tenth of a substep's time.
+                // One push per branch: a common push copies the event over the stack, which takes a tenth of a
+                // substep's time.
                 if flat || point.locus.is_fixed() {
                     self.events.push(only.query(&middle));
                 } else {
@@ -142,7 +143,7 @@ impl Workspace {
         if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
     }
 
-    /// Error text with the contact point and the collider that have no distance.
+    /// Error text that names the contact point and the collider whose distance is NaN.
     #[cold]
     fn lost(&self, robot: &Robot, scene: &Scene) -> String {
         let found = self.events.iter().zip(&self.owners).find(|(e, _)| e.distance.is_nan());

@@ -1,4 +1,4 @@
-// Adjoint of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, and a thread's records for it.
+// Adjoint of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, and a thread's record of a frame.
 
 // Most substeps of a frame that are recorded; a frame is refined no further.
 constexpr int STEPS = 8 * MOST_SUBSTEPS;
@@ -10,8 +10,8 @@ FN Wrench force_at(V3 f, V3 x) { return wrench(cross(x, f), f); }
 
 constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a mask with a bit per touch and drive
 
-// A recorded substep: q in its middle (Runge-Kutta: at its start), local qd at its start, rate found, idle touches,
-// slip and turn offsets of contacts (touch.cuh).
+// A recorded substep: q in its middle (Runge-Kutta: at its start), local qd at its start, rate found. Then idle
+// touches, slip and turn offsets of contacts (touch.cuh).
 constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // most contacts with recorded offsets, 0 for others
 struct Kept {
     double q[NQ];
@@ -125,8 +125,8 @@ BIG void adjoint_end(const Tree& t, Back& b, const real* qd, real* out) {
     twists_back(t, qd, b.by_velocity, b.loads, out);
 }
 
-// Solves A x = b in place for an asymmetric A with the tree's zeros: entries m_ij in `low` and m_ji in `up`, for j
-// above i, diagonal in `low`. Eliminates from leaves to root, so no zero is filled. A singular A gives no finite
+// Solves A x = b in place for an asymmetric A with the tree's zeros. For j above i, `low` has the entries A_ij and the
+// diagonal, `up` the entries A_ji. Eliminates from leaves to root, so no zero is filled. A singular A gives no finite
 // numbers.
 FN void eliminate(real* low, real* up, real* x) {
     backward<0, NV>([&](auto k) {

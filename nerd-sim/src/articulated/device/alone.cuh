@@ -1,7 +1,7 @@
 // The solver alone: a kernel over environments, with a loop over frames.
 
 // Advances `n` environments by `frames` frames, under one set of torques (`held`) or one per frame. After a fault an
-// environment stands still; `done` counts its completed frames. `asked`: commanded torques in a family's actuator
+// environment keeps its state; `done` counts its completed frames. `asked`: commanded torques in a family's actuator
 // model.
 extern "C" __global__ void advance(double* states, const double* torques, const double* scenes, const int* scene_of,
                                    const double* drives, double* forces, int* faults, int* done, int n, int frames,

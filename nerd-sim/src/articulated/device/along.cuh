@@ -13,7 +13,7 @@ struct Along {
     double inertia[LINKS][PACKED];      // articulated-body inertias
     double gain[LINKS][6], inverse[LINKS], size[LINKS];   // U = I S; 1 / D; trace, the scale for tests of D
     double inv_inertia[LINKS][PACKED];         // inverse inertias: acceleration of a link under a unit wrench on it
-    double alone[LINKS];                // the same of a joint under a unit torque
+    double alone[LINKS];                // acceleration of a joint under a unit torque on it
     double force[LINKS][6], residual[LINKS], acceleration[LINKS][6];
     double root[PACKED];                // Cholesky factor of a floating root's inertia, diagonal inverted
     double joints[NJ + 1], dampers[NJ + 1], x[NV];
@@ -94,7 +94,7 @@ BIG bool factorise(Tree& t, Along& f, const double* joints) {
     return true;
 }
 
-// Solves with the root's inertia, in place.
+// Replaces a wrench x on the root by the root's acceleration, by the factor of its inertia.
 FN void root_solve(const Along& f, double* x) {
     for (int r = 0; r < 6; r++) {
         for (int k = 0; k < r; k++) x[r] -= f.root[LOWER(r, k)] * x[k];

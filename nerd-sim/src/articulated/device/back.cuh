@@ -1,4 +1,4 @@
-// Gradients of a frame, as articulated/gradients: steps the frame, recording start and result of each substep, then
+// Gradients of a frame, as articulated/gradients: steps the frame and records start and result of each substep. Then
 // runs the adjoint from the last substep to the first.
 
 // Records the substeps of a frame.
@@ -42,7 +42,8 @@ struct Keeper {
     }
 };
 
-// Adjoint of an implicit substep: contacts and weights are found again, rates are recorded ones. Returns 0 or a fault.
+// Adjoint of an implicit substep: contacts and weights w are computed again, rates come from the record. Returns 0 or a
+// fault.
 BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) {
     Tree& t = w.tree;
     const Kept& kept = b.kept[number];
@@ -80,7 +81,7 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     const bool spinning = spins(kept.qd, h);
     for (int k = 0; k < NV; k++)
         w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
-    // A point without contact in this substep keeps its held force.
+    // The gradient of a held force goes on to the stage before, if its point has no contact in this substep.
     const auto begin_holds = [&]() {
         for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
         for (int n = 0; n < w.points; n++) b.holds[w.touch[n].index] = v3(0, 0, 0);
@@ -137,7 +138,7 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     if (fault) return fault;
     wrap(next);
     begin(b, next, grad_next);
-    // The factor on velocities that pays for energy is held constant.
+    // The factor on velocities that removes gained energy counts as constant.
     for (int k = 0; k < NV; k++) b.speed[k] *= w.velocity_factor;
     const real h = (real)(FRAME / b.steps);
     const bool implicit = HELD || DRIVEN || b.implicit;

@@ -1,10 +1,10 @@
 //! Gradients of a frame on a device: one kernel, one thread per environment and gradient.
 //!
-//! A thread steps the frame and records each substep: `8 NQ + 2 NV sizeof(real)` bytes for its start and rate, a bit
-//! for each touch and drive that was idle, and the force (and torque) that each contact holds. The backward pass runs
-//! from the last substep to the first. It finds the contacts again but repeats no solve; Runge-Kutta stages are
-//! computed again. There is room for eight times the substeps of the settings. A frame that would be refined further
-//! for its energy (`energy.rs`) is stepped with at most that many.
+//! A thread steps the frame and records each substep. Its start and rate take `8 NQ + 2 NV sizeof(real)` bytes. The
+//! record also has a bit per touch and drive for whether it was idle, and the force (and torque) that each contact
+//! holds. The backward pass runs from the last substep to the first. The backward pass finds the contacts again but
+//! repeats no solve; Runge-Kutta stages are computed again. The record has room for eight times the substeps of the
+//! settings. A frame that the energy check (`energy.rs`) would refine further takes no more substeps than that.
 
 use super::program::{Reach, Real, functions, whips};
 use crate::articulated::gradients::covered;
@@ -27,7 +27,7 @@ pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, rea
 /// Refuses settings and robots without gradients on a device.
 ///
 /// # Errors
-/// Unsupported settings or robots; the text says where they are supported.
+/// Unsupported settings or robots; the error's text says where they are supported.
 pub fn goes_back(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
     covered(config, batch)?;
     if whips(&batch.system) {

@@ -1,6 +1,7 @@
-// Disturbances of an episode, as disturb.rs, drawn from its own stream: every PUSH_EVERY frames (0: never) a push of
-// PUSHED (range, m/s) along LEVEL. BLURRED: sensor NOISE of joints, root position and root orientation, NOISE_BLOCKS
-// blocks a frame.
+// Disturbances of an episode, as in disturb.rs, from a random stream of their own. Every PUSH_EVERY frames (0: never) a
+// push changes the root's velocity by PUSHED (range, m/s). Its direction is random in the plane of LEVEL (two axes).
+// With BLURRED, sensors have NOISE: standard deviations for joints (rad or m), root position (m) and root orientation
+// (rad). A frame's noise takes NOISE_BLOCKS random blocks.
 
 FN Draws drawn_at(const unsigned long long* key, unsigned long long stream, unsigned long long block) {
     Draws d = draws(key, stream);

@@ -3,7 +3,7 @@
 // subtract, or -1), KP, KD, GAIN, DEFAULT_Q (default pose). Each point of a start is at least APART from the scene
 // APART_FROM.
 
-// A stream of random numbers in [0, 1).
+// State of a stream of random numbers in [0, 1).
 struct Draws { unsigned long long key[4], stream, block; unsigned words[16]; int at; };
 FN Draws draws(const unsigned long long* key, unsigned long long stream) {
     Draws d;
@@ -64,7 +64,7 @@ BIG void draw_start(Draws& d, double* state) {
     wrap(state);
 }
 
-// Distance of a contact point from the scene.
+// Distance (m) of a contact point from the nearest collider of the scene.
 FN real nearest(const Work& w, int point) {
     real least = infinite();
     for (int c = 0; c < w.surfaces; c++) {
@@ -97,7 +97,7 @@ BIG void start(Draws& d, double* state) {
 }
 
 #if FIELDS
-// Least height of the contact points: along `up` from the root (low), and above the uneven ground (above).
+// Least height (m) of the contact points: along `up` from the root (low), and above the uneven ground (above).
 FN void lowest(Work& w, const double* state, const double* scene, V3 up, real& low, real& above) {
     settle(w, state, scene);
     const int ground = (int)((terrain(scene) - scene) / COLLIDER);
@@ -146,7 +146,8 @@ BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     return refill(t);
 }
 
-// Position errors and velocities of the joints: now or, with STABLE_PD, at the frame's end. Returns whether at its end.
+// Position errors and velocities of the joints: now or, with STABLE_PD, at the frame's end. Returns whether they are
+// those at the frame's end.
 BIG bool gaps(const double* state, const double* scene, const double* action, double* gap, double* speed, Tree& t) {
     for (int i = 0; i < NJ; i++) {
         const double q = state[COORDS + i], d = (RELATIVE ? q : DEFAULT_Q[i]) + ACTION_SCALE * action[i] - q;
@@ -166,7 +167,7 @@ BIG bool gaps(const double* state, const double* scene, const double* action, do
     return true;
 }
 
-// Torques of an action within +-1: state, action => tau.
+// Torques of an action (each number within +-1): state, action => tau.
 BIG void controlled(const double* state, const double* scene, const double* action, double* tau) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) tau[i] = GAIN[i] * action[i];

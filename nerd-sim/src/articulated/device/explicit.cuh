@@ -1,5 +1,6 @@
-// Runge-Kutta substeps without contact, as articulated/explicit.rs, and tests for joints too stiff for them, as
-// articulated/stiff.rs, which has the bounds. LEAST: least inertia of each joint; DAMPED: sum of 2 d / LEAST.
+// Runge-Kutta substeps without contact, as articulated/explicit.rs. Tests find joints too stiff for such substeps, as
+// articulated/stiff.rs, which explains the bounds. LEAST: least inertia of each joint (kg m^2 or kg); DAMPED: sum of 2
+// d / LEAST (1/s) for joint dampings d.
 
 constexpr int STIFF = -2;               // not a fault: the frame needs implicit substeps
 
@@ -101,7 +102,7 @@ BIG int accelerate(Work& w, Explicit& e, const double* tau, real h, real bound) 
     return 0;
 }
 
-// Tree of a stage, from (q, qd) at the substep's start and the rate of the stage before.
+// Sets the tree to a stage's state, from (q, qd) at the substep's start and the rate of the stage before.
 FN void stand(Tree& t, const Explicit& e, int stage, const double* q, const double* qd, real h) {
     const double at = stage == 0 ? 0 : stage == 3 ? h : 0.5 * h;
     const double* rate = e.rates[stage ? stage - 1 : 0];

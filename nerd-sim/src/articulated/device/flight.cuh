@@ -19,7 +19,7 @@ FN V3 half_turn(const double* by, const double* q) {
     return three(out) * (real)0.5;
 }
 
-// Gradients of b => w.r.t. the numbers of a state with this quaternion; and the inverse.
+// Gradients of b => w.r.t. the numbers of a state with this quaternion; `from_numbers` is the inverse.
 FN void to_numbers(const Back& b, const double* quaternion, double* by) {
     for (int i = 0; i < NJ; i++) by[COORDS + i] = b.pose[DOFS + i];
     for (int k = 0; k < NV; k++) by[NQ + k] = b.speed[k];
@@ -87,7 +87,7 @@ BIG int flight_back(Work& w, Back& b, const Kept& kept, const double* tau, real 
     to_numbers(b, end, by_end);
     for (int k = 0; k < NUMBERS; k++) { by_state[k] = by_end[k]; by_trial[k] = 0; }
     for (int stage = 3; stage >= 0; stage--) {
-        // The tree still has the last stage.
+        // For the last stage the tree is already set.
         if (stage < 3) {
             stand(t, e, stage, kept.q, qd, h);
             kinematics(t);

@@ -30,8 +30,9 @@ FN real meets(const Capsule& a, const Capsule& b, V3& normal, V3& place) {
 // First substep of a frame (s), before any refinement.
 constexpr real WHOLE = (real)(FRAME / CONTACT_SUBSTEPS);
 
-// Calls met(a, b, m, stiffness, bound, gap, n, x, v) for capsules of links a and b that may meet within h / 2: material
-// m, stiffness, bound of dampings, gap, its gradient n w.r.t. a's position, place x, velocity v of a against b.
+// Calls met(a, b, m, stiffness, bound, gap, n, x, v) for capsules of links a and b that may meet within h / 2. m:
+// material; stiffness (N/m); bound: of dampings (N s/m); gap (m); n: gradient of the gap w.r.t. a's position. x: place
+// (m); v: velocity (m/s) of a relative to b.
 template <class F> FN void meetings(const Tree& t, real h, const F& met) {
     for (int p = 0; p < FOLDS; p++) {
         const int first = FOLD_PARTS[2 * p], second = FOLD_PARTS[2 * p + 1], a = FOLD_LINK[first],

@@ -64,7 +64,7 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
-// Factor (a power of two) on the substeps that the frame from `state` to the tree's state needs to gain no energy; and
+// Factor (a power of two) on the substeps with which the frame from `state` to the tree's state gains no energy. Sets
 // w.velocity_factor, the factor on velocities that removes the gain.
 BIG int refine(Work& w, const double* state, const double* scene, int substeps, int finest) {
     Tree& t = w.tree;
@@ -84,7 +84,7 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
     for (int k = 0; k < NV; k++) t.qd[k] = qd[k];
     for (int i = 0; i < NL; i++) mass += MASS(t)[i];
     const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
-    // Kinetic and spring energy without a gain.
+    // Kinetic and spring energy (J) at the frame's end without a gain.
     const double expected = before.kinetic_and_springs + work - (after.potential - before.potential),
                  gain = after.kinetic_and_springs - expected;
     const double scale = before.kinetic_and_springs > expected ? before.kinetic_and_springs : expected;
@@ -108,7 +108,7 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
         const int done = attempt(w, state, tau, scene, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
         bool lost = done != 0;
         for (int k = 0; k < NV; k++) lost = lost || !(w.tree.qd[k] - w.tree.qd[k] == 0);
-        // Distances jump between faces of a shape and cells of a height field.
+        // Distances jump between faces of a shape and between cells of a height field, so such a frame may gain energy.
         for (int c = 0; NP > 0 && scene[3] != 0 && c < w.surfaces; c++) {
             terrain = terrain || w.surface[c].kind == 4;
             may_gain_energy = may_gain_energy || w.surface[c].kind != 1;
@@ -120,7 +120,7 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
         int times = lost ? 2 : may_gain_energy ? refine(w, state, scene, substeps, finest) : 1;
         while (times * substeps > K::most) times /= 2;
         if (times == 1) {
-            // Kinetic energy cannot pay for the gain: the frame ends where it began, at rest.
+            // No factor on velocities removes the gain: the frame ends at rest in its first pose.
             if (w.velocity_factor == 0) { take(w.tree, state); keeper.begin(true, 0); }
             for (int k = 0; k < NV; k++) w.tree.qd[k] *= w.velocity_factor;
             return done;

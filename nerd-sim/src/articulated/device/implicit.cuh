@@ -35,7 +35,7 @@ BIG bool plain(Work& w) {
     return true;
 }
 
-// Damping of each joint, theta of its damper and spring => w.damping_used, w.damper, w.spring. False as `plain`.
+// Damping of each joint, theta of its damper and spring => w.damping_used, w.damper, w.spring. False if `plain` fails.
 BIG bool damp(Work& w, real h) {
     for (int i = 0; i < NJ; i++) {
         w.damping_used[i] = DAMPING(w.tree)[i]; w.damper[i] = (real)0.5; w.spring[i] = MEAN_THETA;
@@ -58,7 +58,7 @@ template <class I> FN real inv_mass(const Tree& t, const V3* a, V3 direction, I 
     return inv_mass(t, last, x);
 }
 
-// w along the normal; sum of w over both directions across it.
+// w (1/kg) along the normal; sum of w over both directions across it.
 struct InvMass { real along, across; };
 template <class I> FN InvMass inv_mass(const Work& w, const Touch& t, I link) {
     const V3 n = t.normal, s = v3(size(n.x), size(n.y), size(n.z));
@@ -79,7 +79,7 @@ template <class I> FN InvMass inv_mass(const Work& w, const Touch& t, I link) {
     return e;
 }
 
-// Chooses theta of spring, damper and drag so that the step is stable. False as `plain`.
+// Chooses theta of spring, damper and drag so that the step is stable. False if `plain` fails.
 BIG bool set_thetas(Work& w, real h) {
     bool fresh = false;
     if (DRIVEN) fresh = w.weight[DRIVEN_AT] < 0;
@@ -103,7 +103,7 @@ BIG bool set_thetas(Work& w, real h) {
         Touch& t = w.touch[n];
         const real weight = w.weight[t.index];
         const real vn = dot(t.normal, t.velocity);
-        // Outside its surface for a part of the substep, if the gap is positive at one end.
+        // A point is outside its surface for a part of the substep if its gap is positive at one end.
         if (t.gap + (real)0.5 * h * size(vn) > 0) w.may_gain_energy = true;
         if (!t.spring) t.damping = vn < 0 ? t.approach : t.stiffness * t.release;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
@@ -121,7 +121,7 @@ BIG bool set_thetas(Work& w, real h) {
         if (turns(t)) turn_drags(t, normal, t.spin - t.turn_offset, false, t.about, t.turning);
 #endif
         t.theta[0] = spring_theta(h * h * t.stiffness * weight);
-        // Contacts too stiff for h gain no energy alone, but several on one body may.
+        // A single contact too stiff for h gains no energy, but several on one body may.
         w.may_gain_energy = w.may_gain_energy || n < w.points && t.theta[0] > MEAN_THETA;
         t.theta[1] = damper_theta(h, t.damping, weight, false);
         t.theta[2] = most(1 - 1 / (h * t.drag * weight), (real)0.5);
@@ -198,17 +198,17 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             for_up<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
-        // Damping on the side of the substep's start would make the next state of a resting robot jump.
+        // Damping chosen by the sign of the start velocity would make the next state of a resting robot discontinuous.
         for (int solves = correct && pass == 0 ? SIDE_SOLVES : 0; solves > 0 && take_sides(w, h); solves--)
             if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
-            // In a chain that whips, the rate of the substep before does not predict this middle.
+            // In a chain that whips, the rate of the substep before does not predict this substep's middle velocity.
             real jump = 0;
             for_up<DOFS, NV>([&](auto k) { jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k])); });
             jump *= h;
             found = jump <= FAR_OFF;
-            // A change because a contact separated is no whip.
+            // A jump of the velocity because a contact separated is no whip.
             if (!(jump - jump == 0) || (corrected && quiet && !found)) return 0;
             correct = correct || jump > (corrected ? FAR_OFF : OFF);
             quiet = !changed;
@@ -217,7 +217,7 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
         if (DOFS) {
             w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
         }
-        // The rate under a drive beyond its bounds does not predict the middle.
+        // A rate found with a drive beyond its bounds does not predict the middle velocity.
         const bool wait = DRIVEN && changed;
         turns = spinning && !(correct && wait) && spun(whole, tr.qd, w.middle, w.rate, h, next);
         if (!changed && !correct && !turns) return 1;
@@ -296,7 +296,7 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
                 f[0] += t.force.x * share; f[1] += t.force.y * share; f[2] += t.force.z * share;
             }
         drift(tr, (real)0.5 * h);
-        // The end of a second half is the end of the whole.
+        // The end of a second half is the end of the substep that was halved.
         done += whole >> halved;
         while (halved > 0 && done % (2 * whole >> halved) == 0) halved--;
         if (done == whole) { done = 0; substep++; }

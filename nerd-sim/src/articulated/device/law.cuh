@@ -30,8 +30,8 @@ template <class T> FN void shared(real share, real bound, real top, real x, real
     by_weight = by_weight + by_share * ((top - share) / w);
 }
 
-// Derivatives of touch.cuh's `inside`: by_gap, w.r.t. the mean gap, becomes the gradient w.r.t. the gap in the middle;
-// by_half is the one w.r.t. the size of half its change. False if inside for all of the substep.
+// Adjoint of touch.cuh's `inside`. by_gap: gradient w.r.t. the mean gap => w.r.t. the gap in the middle. by_half =>
+// gradient w.r.t. the size of half the gap's change. False if inside for all of the substep.
 template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& by_half) {
     half = size(half);
     if (!(gap + half > 0)) return false;
@@ -41,8 +41,9 @@ template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& 
     return true;
 }
 
-// A contact's force and its derivatives w.r.t.: gap in the middle, weight w, w across the normal; change h J qdd (or
-// the root's h w x v) of the velocity, velocity at the start, its rate at zero qdd, held force.
+// A contact's force and its derivatives. by_gap: gap in the middle; by_weight: w; by_across: w across the normal.
+// by_change: change h J qdd (or the root's h w x v) of the velocity; by_velocity: velocity at the start. by_bend: rate
+// of the velocity at zero qdd; by_held: held force.
 struct Law { V3 force, by_gap, by_weight, by_across; M3 by_change, by_velocity, by_bend, by_held; };
 
 template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool again, bool mean_theta, const M* material, Law& law) {
@@ -89,7 +90,7 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
     const real c = t.friction_damping;
     law.by_held = by_slip;
-    // The slip offset is the held force over the drag.
+    // The slip offset is the held force over the sticking drag.
     by_stick = by_stick + by_then * then.by_damping + by_slip * t.slip_offset * (c > 0 ? 1 / c : 0);
     if (speed_then > 0) {
         const M3 own = outer(by_then, slip_then);
@@ -103,9 +104,10 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
 }
 
 #if TURNS
-// A contact's torque, as articulated/gradients/turn.rs, and its derivatives w.r.t.: normal force (of `law`; with
-// `first`, at the start), w across the normal; h J qdd of the link's angular velocity, that velocity at the start, held
-// torque. by_gap, by_vn: of the normal force w.r.t. gap and normal velocity, with `first`.
+// A contact's torque and its derivatives, as articulated/gradients/turn.rs. by_press: normal force (of `law`; with
+// `first`, at the start); by_across: w across the normal. by_change: change h J qdd of the link's angular velocity;
+// by_spin: that velocity at the start; by_held: held torque. by_gap, by_vn: derivatives of the normal force w.r.t. gap
+// and normal velocity, with `first`.
 struct TurnLaw { V3 torque, by_press, by_across; M3 by_change, by_spin, by_held; real by_gap, by_vn; };
 
 template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, bool again, const M* material, const Law& law, TurnLaw& own) {
@@ -136,7 +138,7 @@ template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool fir
     own.by_spin = sum(sum(own.by_held, outer(n, by_fast), -about), outer(across, by_faster), -1);
     own.by_change = first ? own.by_held : own.by_spin;
     own.by_press = n * (-about * drag.by_normal) - across * turning.by_normal;
-    // The offset is the held torque over the sticking drag.
+    // The turn offset is the held torque over the sticking drag.
     own.by_across = n * (drag.value > 0 ? -about * drag.by_damping : 0) - across * (turning.value > 0 ? turning.by_damping : 0);
     own.by_across = own.by_across + own.by_change * t.turn_offset * (1 / c);
     if (first) own.by_across = own.by_across + sum(own.by_spin, own.by_held, -1) * t.turn_offset_start * (1 / c);

@@ -1,6 +1,6 @@
-// Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. LOCI: some
-// roam over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull), RIM (axis, radius, sine and cosine of its angle),
-// HULL (first VERTEX and end), REACH.
+// Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. With LOCI
+// some points move over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull). Their tables are RIM (axis, radius,
+// sine and cosine of the angle), HULL (first VERTEX and end) and REACH.
 
 constexpr int SEARCHES = 4;
 
@@ -22,7 +22,7 @@ FN V3 on_rim(const real* rim, V3 centre, V3 n, bool own) {
     return centre - (up * cos + cross(axis, up) * sin) * rim[3];
 }
 
-// Velocity of a point along its rim, as contact.rs's `runs`.
+// Velocity (m/s) of a point along its rim, as `runs` of contact.rs.
 FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
     const real* rim = RIM + 6 * point;
     const V3 axis = t.rotation[POINT_LINK[point]] * read3(rim), axis_rate = cross(spin, axis),

@@ -6,8 +6,8 @@ use super::program::Reach;
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail};
 
-/// Threads of a block: a full warp, since an access of local memory costs as much for fewer threads. Not more, so that
-/// a small batch spreads over the whole device. Measured on an H200 with 2 to 64.
+/// Threads of a block: one warp. With fewer threads an access of local memory costs as much; with more, a small batch
+/// does not spread over the whole device. Measured on an H200 with 2 to 64 threads.
 pub const BLOCK: usize = 32;
 
 /// Advances environments on a device. Calls fail without a device, on an error of the device or without enough memory.
@@ -23,14 +23,14 @@ pub trait Motion: Send {
         Ok(())
     }
 
-    /// Makes kernels for a batch of this reach and forgets everything before.
+    /// Makes kernels for a batch of this reach, and discards earlier kernels and memory.
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError>;
 
     /// The device with its kernels, once opened.
     fn device(&self) -> Option<&Device>;
 
-    /// Advances the batch in `held` by `frames` frames; `first` is the frame count of each environment before the first
-    /// one. With `hold` one set of torques acts in all frames, otherwise there is one set per frame.
+    /// Advances the batch in `held` by `frames` frames; `first`: frame count of each environment before the first of
+    /// these frames. With `hold` one set of torques acts in all frames, otherwise there is one set per frame.
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError>;
 
     /// Refuses a batch without gradients on the device.
@@ -53,7 +53,7 @@ pub trait Motion: Send {
         Ok(())
     }
 
-    /// Clears the memory of an environment.
+    /// Clears the memory of one environment, as of its past torques.
     fn reset(&mut self, _env: usize) {}
 
     /// Clears the memory of environments that do not continue at these frame counts; [`Motion::advance`] begins with
@@ -67,7 +67,7 @@ pub trait Motion: Send {
         0
     }
 
-    /// Steps the batch in `held` by one frame, on the device's main stream. Environments with a fault may stay as they
-    /// are.
+    /// Steps the batch in `held` by one frame, on the device's main stream. Environments with a fault may keep their
+    /// state.
     fn frame(&self, held: &Held) -> Result<(), DeviceError>;
 }

@@ -1,5 +1,5 @@
-//! Parameters that differ between the robots of a family ([`crate::vary`]). They follow the scene in its record; all
-//! others are constants in the text.
+//! Parameters that differ between the robots of a family ([`crate::vary`]). These parameters follow the scene in its
+//! record; all other parameters are constants in the text.
 //!
 //! Every table of [`TABLES`] is a macro in the text: `MASS(t)` is the constant table or, where `[vary]` changes it, a
 //! pointer to the robot's numbers.
@@ -11,8 +11,8 @@ use crate::system::vary::VarySpec;
 
 type Changes = fn(&VarySpec) -> bool;
 
-/// Name of each table, and whether `[vary]` changes it. The solver reads the tables before [`SOLVERS`] from its tree.
-/// The code around the solver reads the others from the record.
+/// Name of each table, and whether `[vary]` changes it. The solver reads the tables at indices below [`SOLVERS`] from
+/// its tree. The code around the solver reads the others from the record.
 const TABLES: [(&str, Changes); 20] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
@@ -40,7 +40,7 @@ const SOLVERS: usize = 11;
 const MOTORS: [usize; 5] = [13, 14, 15, 16, 17];
 const NOISE: usize = 18;
 const LAG: usize = 19;
-/// Bit of a family, set even if no table differs.
+/// Bit of [`Own`] that marks a family, set even if no table differs.
 const FAMILY: u32 = 1 << 31;
 
 fn bodies(vary: &VarySpec) -> bool {

@@ -1,4 +1,4 @@
-// Solves for accelerations under touches and drives, as articulated/kick.rs. Updates their forces and drags, as
+// Solves for accelerations under touches and drives, as articulated/kick.rs. Updates the touches' forces and drags, as
 // `Contact::settle` of articulated/touch.rs.
 
 FN real damper_theta(real h, real damping, real weight, bool mean_theta) {
@@ -10,7 +10,7 @@ FN bool parts(const Touch& t, real vn, real dn, real h, real weight, bool mean_t
     return vn + damper_theta(h, t.approach, weight, mean_theta) * dn >= 0;
 }
 
-// Takes the damping of that side. Returns whether it is another.
+// Takes the damping of approach or of parting, by `parts`. Returns whether the damping changed.
 FN bool take_side(Touch& t, real vn, real dn, real h, real weight, bool mean_theta) {
     const real damping = parts(t, vn, dn, h, weight, mean_theta) ? t.stiffness * t.release : t.approach;
     const bool other = damping != t.damping;
@@ -19,7 +19,7 @@ FN bool take_side(Touch& t, real vn, real dn, real h, real weight, bool mean_the
     return other;
 }
 
-// A contact at its present drag: force; resistance along and across the normal, times h.
+// A contact at its present drag: force (N); resistance along and across the normal, times h (kg).
 struct Push { V3 force; real along, across; };
 
 // h D a for a column a of the Jacobian.
@@ -35,7 +35,8 @@ FN Push push(const Touch& t, real h) {
     return p;
 }
 
-// The same at a joint: torque; resistance times h. A limit acts along its normal, dry friction across it.
+// Torque (N m or N) of a limit or of dry friction on its joint; its resistance times h (kg m^2 or kg). A limit acts
+// along the touch's normal, dry friction across it.
 struct Pull { real torque, resists; };
 FN Pull pull(const Touch& t, real h) {
     if (!t.spring) { Pull p = {-t.start.y * t.drag, t.theta[2] * t.drag * h}; return p; }
@@ -86,7 +87,7 @@ BIG bool pressed(Work& w, real h) {
     return true;
 }
 
-// The same along the tree.
+// Accelerations as of `pressed`, but solved along the tree.
 BIG bool pressed_along(Work& w, real h) {
     Tree& tr = w.tree;
     inertias(tr, w.along);
@@ -124,7 +125,8 @@ BIG bool pressed_along(Work& w, real h) {
     return true;
 }
 
-// Gives each contact the damping of the side that its damper saw in the last solution. Returns whether any changed.
+// Gives each contact the damping of approach or of parting, whichever its damper saw in the last solution. Returns
+// whether any damping changed.
 BIG bool take_sides(Work& w, real h) {
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
@@ -182,13 +184,14 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         Touch& t = w.touch[k];
         if (t.spring) continue;
         const real change = w.qdd[t.dof] * h;
-        // With theta = 1 dry friction would push a joint that reverses.
+        // Dry friction has theta 1, so it may add energy where its joint reverses.
         w.may_gain_energy = w.may_gain_energy || t.start.y * (t.start.y + change) < 0;
         const real next = drag(-t.stiffness * t.gap, size(t.start.y + change * t.theta[2]), t.friction_damping, t.friction);
         changed = changed || size(next / t.drag - 1) > settled;
         t.drag = next;
     }
-    // A drive at its bound stays there. All are tested before any is written, so that no load waits for another.
+    // A drive at a torque bound stays at that bound for the substep. All drives are tested before any is written, so
+    // that no load from memory waits for another.
     Drives& d = w.drives;
     unsigned beyond[PULLS / 32 + 1] = {};
     const auto torque = [&](int i) { return d.torque[i] - d.resists[i] * (w.qdd[DOFS + i] * h); };

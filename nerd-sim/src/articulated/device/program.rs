@@ -49,12 +49,13 @@ const KERNELS: [&str; 15] = [
 ];
 const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 
-/// Numbers in a scene's record: of a material, and of a collider with its material.
+/// How many numbers a scene's record has for a material, and for a collider with its material.
 const MATERIAL: usize = 8;
 pub(super) const COLLIDER: usize = 16 + MATERIAL;
 /// Largest number of factorisation steps that the text writes out one by one.
 const MAX_UNROLLED_STEPS: usize = 4000;
-/// Fault codes above `1 + DoF` (mass matrix not positive definite): a distance is NaN; the state is not finite.
+/// Fault codes, larger than those of a mass matrix that is not positive definite (`1 + DoF`). `LOST`: a distance is
+/// NaN. `GONE`: the state is not finite.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
 
@@ -132,7 +133,8 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     text.0 + &ALONE.concat()
 }
 
-/// The functions without a kernel: with `steps` to step frames, otherwise for the code around the steps.
+/// CUDA text of the functions without a kernel: with `steps` those that step frames, otherwise those of the code around
+/// the steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
@@ -321,7 +323,7 @@ fn of(m: &Material) -> [f64; MATERIAL] {
     [m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin, m.release]
 }
 
-/// Refuses the reference's settings, which have no kernels; no training and no task uses them.
+/// Refuses settings of the reference simulator, which have no kernels and are used by no training and no task.
 ///
 /// # Errors
 /// Symplectic Euler, explicit contact and Huber's friction.
@@ -343,7 +345,7 @@ pub fn fault(robot: &Robot, code: i32) -> String {
     }
 }
 
-/// Drives as the kernels read them: five numbers each.
+/// Drives as the kernels read them: kp, kd, target, speed and effort of each.
 pub fn packed(drives: &[Drive]) -> Vec<f64> {
     drives.iter().flat_map(|d| [d.kp, d.kd, d.target, d.speed, d.effort.min(1e30)]).collect()
 }

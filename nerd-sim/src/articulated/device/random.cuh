@@ -30,7 +30,7 @@ FN void chacha8(const unsigned long long key[4], unsigned long long counter, uns
     for (int k = 0; k < 16; k++) out[k] += begin[k];
 }
 
-// In [0, 1), from two words.
+// Uniform number in [0, 1), from two words.
 FN double unit(const unsigned* words) {
     return (double)(((unsigned long long)words[1] << 32 | words[0]) >> 11) * 0x1p-53;
 }

@@ -9,7 +9,7 @@ use crate::scene::{Field, Hull};
 /// own record.
 ///
 /// # Errors
-/// As [`record`]; robots that differ otherwise than by `[vary]`.
+/// Those of [`record`], and robots that differ otherwise than by `[vary]`.
 pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
     let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
     let (mut count, mut behind) = (0, Behind::default());
@@ -33,7 +33,7 @@ pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), Stri
 /// The record of one scene, with its height fields and hulls.
 ///
 /// # Errors
-/// As [`record`].
+/// Those of [`record`].
 pub(super) fn alone(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, String> {
     let (mut behind, mut numbers) = (Behind::default(), record(scene, system, reach)?);
     behind.take(scene, 0);

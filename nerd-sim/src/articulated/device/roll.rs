@@ -1,4 +1,4 @@
-//! Frames of a batch that stays on a device, for any solver there.
+//! Steps batches that stay on a device, for any solver on that device.
 
 use nerd_cuda::{Device, DeviceError};
 
@@ -52,7 +52,7 @@ pub trait Roll: Solver {
     /// `[frame][env][joint]`.
     ///
     /// # Errors
-    /// As [`Solver::step`]. An environment that fails keeps its state before the failed frame; the error has that
+    /// Those of [`Solver::step`]. An environment that fails keeps its state before the failed frame; the error has that
     /// frame's number.
     fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError>;
 }
@@ -65,7 +65,7 @@ pub struct OnDevice<M> {
     faults: Vec<Fault>,
 }
 
-/// Memory on the device, with the system and reach that memory and kernels were made for.
+/// Memory on the device, with the system and reach for which memory and kernels were made.
 struct Made {
     system: Arc<System>,
     reach: Reach,

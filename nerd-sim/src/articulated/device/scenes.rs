@@ -7,7 +7,7 @@ use super::records::records;
 use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
-/// Uploads a batch and its torques; scenes and robots only if they changed.
+/// Uploads a batch and its torques; uploads scenes and robots only if changed.
 pub(super) fn take(
     held: &mut Held,
     device: &Device,

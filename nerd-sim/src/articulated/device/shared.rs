@@ -8,7 +8,8 @@ use crate::prelude::*;
 use crate::solver::Fault;
 use crate::solver::device::{Resident, failed};
 
-/// One number per thread; `give` also counts the frames that each environment completed.
+/// Kernels that copy states and torques, one number per thread. `give` also counts the frames that each environment
+/// completed.
 const KERNELS: &str = "
 extern \"C\" __global__ void take(const double* states, const double* torques, double* held, double* tau, unsigned long long s, unsigned long long t) {
     const unsigned long long i = (unsigned long long)blockIdx.x * blockDim.x + threadIdx.x;
@@ -109,7 +110,8 @@ impl SharedStates {
         Ok(faults)
     }
 
-    /// Uploads the batch's states again, after `envs` were restarted: clears their faults and memory.
+    /// Uploads the batch's states again, after `envs` were restarted: clears the faults and memory of these
+    /// environments.
     pub fn begin(
         &mut self,
         Simulation { batch, solver }: &mut Simulation,

@@ -11,14 +11,14 @@ use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::system::motors::LATEST;
 
-/// [`super::super::Articulated`] on a GPU, one thread per environment: the same frame, any robot.
+/// [`super::super::Articulated`] on a GPU, one thread per environment. Steps the same frames, for any robot.
 ///
 /// Refuses settings of the reference ([`has_kernels`]) and shapes other than planes, boxes, cylinders, balls, capsules,
 /// hulls and height fields. For a family ([`crate::vary`]) it also steps the actuator and sensor model, as
 /// [`crate::rig::Rig`] does on the CPU.
 pub type CudaArticulated = OnDevice<Whole>;
 
-/// A frame as one kernel, with a loop over frames.
+/// Motion of articulated robots: one kernel steps whole frames, with a loop over frames.
 pub struct Whole {
     config: ArticulatedConfig,
     real: Real,
@@ -31,8 +31,8 @@ pub struct Whole {
 }
 
 struct Rig {
-    /// Commanded torques of the last frames, newest first, `[env][LATEST][joint]`; frames of each environment in
-    /// memory.
+    /// Commanded torques (N m or N) of the last frames, newest first, `[env][LATEST][joint]`; and how many frames of
+    /// each environment are in memory.
     asked: Buffer<f64>,
     known: Buffer<u32>,
     /// Frame count of each environment that would continue its memory.

@@ -37,7 +37,8 @@ BIG V3 settle(const Spin& s, V3 w, real h, V3 right, bool transposed) {
     return v3(dot(right, c), dot(right, cross(a[2], a[0])), dot(right, cross(a[0], a[1]))) * (1 / determinant);
 }
 
-// Whether `middle` is too far from the mean of the substep's ends; if so `next` is the next Newton iterate.
+// Whether the angular velocity of `middle` is too far from the mean of the substep's ends. If so, `next` is the next
+// Newton iterate.
 FN bool spun(const Spin& s, const real* qd, const real* middle, const real* rate, real h, V3& next) {
     const V3 w = read3(middle), off = read3(qd) + read3(rate) * ((real)0.5 * h) - w;
     if (!(norm(off) > most(SPIN_TOLERANCE, sizeof(real) == 8 ? 0 : (real)1e-6) * norm(w))) return false;

@@ -1,4 +1,4 @@
-// Adjoint of a substep's solves, by the implicit function theorem, and of its weights w, as
+// Adjoint of a substep's solves, by the implicit function theorem, and of its inverse effective masses w (weights), as
 // articulated/gradients/stage.rs and inv_mass.rs.
 
 // A drive as a touch of its joint.
@@ -24,7 +24,7 @@ BIG V3 solve_adjoint(Work& w, Back& b, const Touch& touch, const Law& law, real 
     const V3 x = touch.x, n = touch.normal, middle = x + n * RADIUS[touch.index / w.surfaces];
     const Motion twist = w.tree.velocity[i], own = b.virtuals[i];
 #if TURNS
-    // The torque depends on the normal force and on everything that changes it.
+    // The torque depends on the normal force and on all inputs of that force.
     TurnLaw turn;
     const bool turning = turns(touch);
     V3 by_force = at(own, x) + b.held[touch.index], by_torque = own.ang + b.held_torque[touch.index];
@@ -138,7 +138,7 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
     });
     for_up<0, NV>([&](auto k) { own[k] = b.rate[k]; });
     points(w, [&](Touch& touch, auto link) {
-        // Gradient through the force that the next stage holds.
+        // Gradient through the contact force that the next stage starts from.
         if (idles(&touch - w.touch)) return;
         law(touch, found);
         V3 held = b.held[touch.index], a[NV];
@@ -203,8 +203,8 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
     }
 }
 
-// The same where the angular velocity of w.middle depends on `rate` itself: repeats until no gradient w.r.t. the rate
-// is left.
+// `stage_adjoint` where the angular velocity of w.middle depends on the stage's own rate: repeated until no gradient
+// w.r.t. that rate is left.
 BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
     stage_adjoint(w, b, kept, kept.rate, kept.idle, h, false, again);
     const Spin whole = spin(w.tree);
@@ -225,7 +225,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
     for (int k = 0; k < NV; k++) b.rate[k] = k < 3 ? 0 : sum[k];
 }
 
-// Adjoint of a weight w = y^T M^-1 y of a contact or joint, with b.own = z = M^-1 y: dw = 2 z . dy - z . dM z.
+// Adjoint of a weight w = y^T M^-1 y of a contact or joint: dw = 2 z . dy - z . dM z. b.own: z = M^-1 y.
 BIG void push_back(const Tree& t, Back& b, const Touch* touch, V3 along, int point, real by) {
     twists(t, b.own, b.virtuals);
     for_up<0, NL>([&](auto i) {
@@ -241,7 +241,7 @@ BIG void push_back(const Tree& t, Back& b, const Touch* touch, V3 along, int poi
     twists_back(t, b.own, b.by_virtual, b.loads, 0);
 }
 
-// Adjoint of the weights that this substep found.
+// Adjoint of the weights w that this substep computed.
 BIG void inv_mass_adjoint(Work& w, Back& b, int number, real h) {
     Tree& t = w.tree;
     bool factored = false;
@@ -256,7 +256,7 @@ BIG void inv_mass_adjoint(Work& w, Back& b, int number, real h) {
         if (by_normal == 0 && by_axis == 0 || b.since[touch.index] != number) continue;
         V3 a[NV];
         columns(t, touch.link, touch.x, a);
-        // Along the normal, and along three axes: their sum, less the normal's, is w across.
+        // w along the normal, then along three axes: the sum over the axes, less w along the normal, is w across.
         for (int axis = -1; axis < 3; axis++) {
             const V3 along = axis < 0 ? touch.normal : unit(axis);
             factor();

@@ -4,7 +4,7 @@ constexpr int MATERIAL = 8;    // stiffness, damping, friction damping, friction
 constexpr int COLLIDER = 16 + MATERIAL;     // numbers of a collider: kind, geometry, material
 constexpr int PAIRS_AT = 3 + COLLIDER * NC;
 // Part of a record that robots share: gravity, colliders, and with PAIRED the material of each point on each collider.
-// A stiffness below zero means that they never meet.
+// A negative stiffness means that the point and the collider never meet.
 #if PAIRED
 constexpr int SHARED = PAIRS_AT + MATERIAL * NP * NC;
 #else
@@ -26,13 +26,13 @@ struct Surface {
 };
 
 #if FIELDS || HULLS
-// Grid of a collider, behind all records.
+// Grid of a collider's height field or hull, stored behind all records.
 FN const double* grid(const double* s) { return s + (long long)s[14]; }
 #endif
 
 #if FIELDS
-// Offsets in a grid: two cell sizes, two numbers of nodes, highest place, bound of the squared slope, depth (0 if it
-// repeats), heights.
+// Offsets in a grid: two cell sizes, two numbers of nodes, highest place, bound of the squared slope, depth (0 if the
+// ground repeats), heights.
 constexpr int GRID_CELLS = 0, GRID_NODES = 2, GRID_TOP = 4, GRID_STEEP = 5, GRID_BASE = 6, GRID_HEIGHTS = 7;
 FN bool bounded(const double* grid) { return grid[GRID_BASE] > 0; }
 
@@ -61,7 +61,7 @@ FN real nodes(const double* grid, int axis, int node, real u, int* at) {
     return first < 0 ? u * 0 : first > n - 2 ? 1 + u * 0 : u - whole;
 }
 
-// Bilinear height (returned) and its slopes along x and y, at (u, v) cells from `node`.
+// Bilinear height (returned) and its gradient along x and y, at (u, v) cells from `node`.
 FN real height(const double* grid, real scale, const int* node, real u, real v, real* slope) {
     int x[2], y[2];
     const real a = nodes(grid, 0, node[0], u, x), b = nodes(grid, 1, node[1], v, y);
@@ -119,7 +119,7 @@ FN void read(Surface& u, const double* s, const double* o) {
                 const double n = u.grid[GRID_NODES + k],
                              cells = at[k] / u.grid[GRID_CELLS + k] + (bounded(u.grid) ? 0.5 * (n - 1) : 0),
                              whole = floor(cells);
-                // Far beyond an edge, `part` holds the remainder.
+                // Far beyond an edge, `cell` is limited and `part` holds the remainder.
                 const double near = fmin(fmax(whole, -1e6), 1e6);
                 u.cell[k] = bounded(u.grid) ? (int)near : around((long long)whole, (int)n);
                 u.part[k] = (real)(cells - (bounded(u.grid) ? near : whole));
@@ -159,7 +159,7 @@ FN bool box(V3 half, V3 l, V3& nearest) {
     return inside;
 }
 
-// The same for a cylinder.
+// As `box`, for a cylinder about y.
 FN bool peg(V3 half, V3 l, V3& nearest) {
     const real radius = half.x, high = half.y, across = sqrt(l.x * l.x + l.z * l.z);
     const bool level = size(l.y) <= high, within = across <= radius, axial = across <= (real)1e-15;
@@ -176,7 +176,7 @@ FN bool peg(V3 half, V3 l, V3& nearest) {
 #if HULLS
 FN V3 corner(const double* t, int k) { return v3((real)t[3 * k], (real)t[3 * k + 1], (real)t[3 * k + 2]); }
 
-// The same for a hull. From outside it lies on a triangle that faces l: at the foot of l, or on an edge.
+// As `box`, for a convex hull. For l outside, the place is on a triangle that faces l: at the foot of l, or on an edge.
 FN bool hull(const Surface& s, V3 l, V3& nearest) {
     const int count = (int)s.grid[0];
     real depth = infinite(), way = infinite();

@@ -53,7 +53,7 @@ struct Work {
     int touches, points;  // contacts come first
     double tau[NJ + 1];   // a local copy, which the threads of a warp read side by side
     Drives drives;
-    real weight[WEIGHTS]; // w, found once a frame; negative: unknown
+    real weight[WEIGHTS]; // inverse effective masses w, computed once a frame; negative: unknown
     real slide[PAIRS + 1];         // of contacts: w across the normal
     V3 force_before[PAIRS + 1];    // of contacts: force (N) and torque (N m) of the substep before
 #if TURNS
@@ -104,8 +104,8 @@ FN void survey(Work& w, const double* scene) {
     }
 }
 
-// Torques and drives of a frame. SERVO: targets of a law KP, KD within TORQUE_LIMIT with these torques at the start
-// (drive.rs).
+// Sets torques and drives of a frame. SERVO: drives are PD laws KP, KD within TORQUE_LIMIT, with targets that give
+// `tau` at the start (drive.rs).
 #if SERVO
 FN void ask(Work& w, const double* state, const double* tau, const double* scene, const double*) {
     for (int i = 0; i < NJ; i++) {
@@ -155,7 +155,7 @@ FN const double* material(const Work& w, int point, int c) { return w.pairs + MA
 #else
 FN const real* material(const Work& w, int, int c) { return w.surface[c].material; }
 #endif
-// Whether they ever meet; margin of their contact (m).
+// Whether a point and a surface ever meet; margin of their contact (m).
 FN bool may(const Work& w, int point, int c) { return !PAIRED || material(w, point, c)[0] >= 0; }
 FN real margin(const Work& w, int point, int c) { return (real)material(w, point, c)[6]; }
 
@@ -222,9 +222,9 @@ FN void add_contact(Work& w, int point, int c, V3 n, V3 nearest, real h) {
 // Points per word of a mask of points.
 constexpr int WORD = 32, WORDS = NP / WORD + 1;
 
-// Mask of the points that may be beyond a plane in some part of the substep: cheap for all of them, as most are far
-// away. A NaN distance counts as near. A height field is taken as the plane at its highest place, with distances scaled
-// by `steep`, since a ball touches a gradient before it comes down to it.
+// Mask of the points that may be beyond a plane in some part of the substep. The test is cheap, as most points are far
+// away. A NaN distance counts as near. A height field is taken as the plane at its highest place. `steep` scales its
+// distances, since a ball touches inclined ground beside its lowest point.
 FN void near(const Work& w, real h, unsigned* mask) {
     const Tree& t = w.tree;
     const Surface& plane = w.surface[0];
@@ -242,7 +242,7 @@ FN void near(const Work& w, real h, unsigned* mask) {
         const int link = POINT_LINK[point];
         const real radius = RADIUS[point] + margin(w, point, 0) + fall;
         if (LOCI && LOCUS[point]) {
-            // It stays above wherever it lies on its link: its vertices need no test.
+            // If every place of the locus stays above the plane, its vertices need no test.
             const V3 m = middle(t, point);
             const real speed = norm(at(t.velocity[link], m)) + norm(t.velocity[link].ang) * REACH[point];
             const real d = dot(n, m) - plane.offset - steep * (REACH[point] + radius);
@@ -312,7 +312,7 @@ BIG bool find(Work& w, real h) {
     const int points = NP * w.surfaces;
     for (int i = 0; i < NJ; i++) {
         if (!(DRY(tr)[i] > 0)) continue;
-        // As a contact with friction 1, pressed with the dry friction.
+        // Dry friction is a contact with friction coefficient 1, pressed with the largest dry friction.
         Touch& t = next(w);
         t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
         t.stiffness = 1; t.damping = 0; t.friction_damping = DRY(tr)[i] / CREEP; t.friction = 1;
@@ -351,7 +351,7 @@ template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
 }
 
 #if TURNS
-// The same for a link's angular velocity.
+// Jacobian of a link's angular velocity, by columns as above.
 template <class I> FN void spins(const Tree& t, I link, V3* a) {
     upward(last_dof(link), [&](auto k) { a[k] = v3(0, 0, 0); });
     for_ancestors(link, [&](auto i) {
@@ -390,7 +390,7 @@ FN real drag(real normal, real speed, real friction_damping, real friction) {
     return friction_damping * speed <= limit ? friction_damping : limit / speed;
 }
 
-// The same, at a larger slip where the drag `before` exceeded the cone and `inertia`, as stick.rs's `breaking`.
+// `drag` at a slip that includes breakaway, where `before` exceeds `inertia` and its force the cone, as in stick.rs.
 FN real breaking(real normal, real speed, real before, real friction_damping, real friction, real inertia) {
     const real over = speed * before - friction * normal;
     return drag(normal, over > 0 && before > inertia ? speed + BREAKAWAY * over / inertia : speed, friction_damping,
@@ -398,7 +398,7 @@ FN real breaking(real normal, real speed, real before, real friction_damping, re
 }
 
 #if TURNS
-// For torques: the sticking drag; the same for a coefficient; `hold`; drags at a turn, `leaps` as in update_touches.
+// Torques: sticking drag; that drag if `arm` (m) is above 0; `hold`; drags at a slip, with breakaway if `leaps`.
 FN real sticks(const Touch& t) { return TURN_STICK_DRAG * t.gyration * t.friction_damping; }
 FN real stick(const Touch& t, real arm) { return arm > 0 ? sticks(t) : 0; }
 FN void wind(Touch& t, V3 torque) {

@@ -35,7 +35,8 @@ FN void know(Tree& t, const double* scene) {
 FN V3 unit(int k) { return v3(k == 0, k == 1, k == 2); }
 FN Motion rootward(int k) { return k < 3 ? motion(unit(k), v3(0, 0, 0)) : motion(v3(0, 0, 0), unit(k - 3)); }
 
-// Entry of a joint's rotation: TURN has factors of 1, sine and cosine, many of them zero.
+// Entry of the rotation matrix of link i's joint at sine s and cosine c. TURN has the factors of 1, s and c, many of
+// them zero.
 FN real turned(int entry, int i, real s, real c) {
     const real *own = TURN + 27 * i + entry;
     return own[0] + (own[9] != 0 ? own[9] * s : 0) + (own[18] != 0 ? own[18] * c : 0);
@@ -168,7 +169,7 @@ template <class F> FN void entries(const F& f) {
 }
 
 FN void enter(real* mass, int i, int j, real value) {
-    // On the diagonal, of a mimic joint below its leader, both triangles meet.
+    // A mimic joint below its leader shares the leader's DoF: the entries of both triangles fall on the diagonal.
     if (i == j) mass[LOWER(i, i)] += 2 * value;
     else mass[i > j ? LOWER(i, j) : LOWER(j, i)] += value;
 }
@@ -207,7 +208,7 @@ FN bool factorise(Tree& t, real* l) {
     for_up<0, NV>([&](auto k) { given[k] = l[LOWER(k, k)]; });
     backward<0, NV>([&](auto k) {
         const real square = l[LOWER(k, k)];
-        // After a failure the remaining values are unused and harmless.
+        // After a failure nothing uses the remaining values.
         if (!(square > (real)1e-12 * given[k]) && lost < 0) lost = k;
         const real inverse = inverse_root(square);
         l[LOWER(k, k)] = inverse;

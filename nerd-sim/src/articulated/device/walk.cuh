@@ -20,7 +20,7 @@ template <int I, class F> FN void ascend(const F& f) {
     if constexpr (I >= 0) { f(At<I>()); ascend<PARENT[I]>(f); }
 }
 
-// FROM to TO - 1, and in reverse.
+// Calls f for FROM to TO - 1: ascending, and (backward) descending.
 template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void for_up(const F& f) {
     if constexpr (AS_TEXT) rise<FROM, TO>(f);
     else for (int i = FROM; i < TO; i++) f(i);
@@ -30,7 +30,7 @@ template <int FROM, int TO, bool AS_TEXT = UNROLLED, class F> FN void backward(c
     else for (int i = TO - 1; i >= FROM; i--) f(i);
 }
 
-// The DoFs above k; k and those above (upward).
+// Calls f for the DoFs above k in the tree; for k and those above (upward).
 template <int K, class F> FN void above(At<K>, const F& f) { climb<ABOVE[K]>(f); }
 template <class F> FN void above(int k, const F& f) { for (int i = ABOVE[k]; i >= 0; i = ABOVE[i]) f(i); }
 template <class K, class F> FN void upward(K k, const F& f) {
@@ -38,7 +38,7 @@ template <class K, class F> FN void upward(K k, const F& f) {
     above(k, f);
 }
 
-// The links above i; i and those above (for_ancestors).
+// Calls f for the links above i in the tree; for i and those above (for_ancestors).
 template <int I, class F> FN void forebears(At<I>, const F& f) { ascend<PARENT[I]>(f); }
 template <class F> FN void forebears(int i, const F& f) { for (int k = PARENT[i]; k >= 0; k = PARENT[k]) f(k); }
 template <class I, class F> FN void for_ancestors(I i, const F& f) {
@@ -46,7 +46,7 @@ template <class I, class F> FN void for_ancestors(I i, const F& f) {
     forebears(i, f);
 }
 
-// Last DoF that moves a link; the others are above it.
+// Last DoF that moves a link; the link's other DoFs are above it.
 constexpr int last_dof(int link) {
     int last = -1;
     for (int i = link; i >= 0; i = PARENT[i]) {

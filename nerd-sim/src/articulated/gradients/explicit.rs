@@ -38,8 +38,8 @@ impl Row {
         }
     }
 
-    /// Backward pass over a stage's rate, `explicit::rate`: writes the gradient with respect to its state's numbers.
-    /// Uses the row's pose and speed as working memory.
+    /// Backward pass over a stage's rate, `explicit::rate`: writes the gradient with respect to the numbers of the
+    /// stage's state to `by_stage`. Uses the row's pose and speed as working memory.
     fn back_rate(&mut self, (robot, gravity): (&Robot, &Vector3<f64>), stage: &Flown, memory: &mut Memory) {
         let (nq, dofs, coords) = (robot.nq(), robot.root_dofs(), robot.root_coords());
         let Memory { adjoint, flight: Flight { by_stage, by_rate, virtuals, qdd, .. }, .. } = memory;
@@ -90,7 +90,7 @@ impl Row {
         }
     }
 
-    /// Reads gradients with respect to the numbers of a state.
+    /// Converts `by`, a gradient with respect to the numbers of a state, to the row's gradients.
     fn take_numbers(&mut self, robot: &Robot, state: &[f64], by: &[f64]) {
         let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
         self.pose[dofs..].copy_from_slice(&by[coords..nq]);
@@ -102,8 +102,8 @@ impl Row {
     }
 }
 
-/// Gradient with respect to a quaternion's numbers, of any norm, from the rotation's gradient (fixed axes),
-/// `t = 2 Im(dQ Q*) / |Q|^2`.
+/// Gradient with respect to the four numbers of a quaternion Q of any norm. `by_turn`: gradient with respect to its
+/// rotation t (rotation vector, fixed axes), `t = 2 Im(dQ Q*) / |Q|^2`.
 fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
     let q = raw_quaternion(q);
     Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())

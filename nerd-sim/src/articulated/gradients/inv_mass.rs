@@ -10,15 +10,15 @@ use super::{
 };
 use crate::prelude::*;
 
-/// Direction y of a w: a contact's along an axis, or a joint's.
+/// Direction y of an inverse effective mass w: an axis at a contact, or a joint.
 enum Pushed<'a> {
     Contact(&'a Contact, Vector3<f64>),
     Joint(usize),
 }
 
 impl Workspace {
-    /// Backward pass over each w computed in this substep: of touches new since the substeps `before`, and of joints if
-    /// the substep before had another length.
+    /// Backward pass over each w computed in this substep. Those are the w of touches absent in the substeps `before`,
+    /// and of joints if the substep before had another length.
     pub(super) fn inv_mass_adjoint(
         &mut self,
         place: Place,
@@ -93,7 +93,7 @@ impl Workspace {
         out
     }
 
-    /// `dw = 2 z . dy - z . dM z` with `z = M^-1 y`.
+    /// Adds `by` times the gradient of one w: `dw = 2 z . dy - z . dM z` with `z = M^-1 y` (`response`).
     fn push_back(&self, place: Place, pushed: &Pushed, response: &[f64], by: f64, row: &mut Row, memory: &mut Memory) {
         let (robot, colliders) = (&place.system.robot, place.scene.colliders.len());
         let adjoint = &mut memory.adjoint;
@@ -105,7 +105,7 @@ impl Workspace {
             row.loads[i] += Wrench::force_at(by_place, &(contact.x + contact.normal * radius));
             if row.numbers.asked() {
                 let collider = contact.index % colliders;
-                // Fixed axes do not turn with the normal.
+                // The fixed axes of w across the normal do not turn with the normal.
                 let turned = if *along == contact.normal {
                     adjoint.virtuals[i].at(&contact.x) * (2.0 * by)
                 } else {

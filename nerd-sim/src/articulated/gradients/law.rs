@@ -1,18 +1,19 @@
-//! Derivatives of the laws of touches in a substep, with respect to their inputs: `touch.rs`, line by line.
+//! Derivatives of the laws of touches in a substep, with respect to their inputs. The code follows `touch.rs` line by
+//! line.
 
 use super::super::force::Drag;
 use super::super::stick::STICK_DRAG;
 use super::super::touch::{CREEP, Contact, DryFriction, MEAN_THETA, Spring, inside};
 use crate::prelude::*;
 
-/// Inputs of a touch's law beside the touch.
+/// Inputs of a touch's law, in addition to the touch.
 #[derive(Clone, Copy)]
 pub(super) struct At {
     pub(super) h: f64,
     /// Inverse effective mass w of the touch, see `implicit.rs`.
     pub(super) weight: f64,
     pub(super) friction: Friction,
-    /// Whether drags are the initial ones of the substep, not the solved ones.
+    /// Whether drags are those at the substep's start, instead of solved drags.
     pub(super) first: bool,
     /// Whether thetas of contacts and limits are constant (`energy.rs`).
     pub(super) mean_theta: bool,
@@ -21,20 +22,21 @@ pub(super) struct At {
 /// Force (N) of a contact on its point, and its derivatives.
 pub(super) struct ContactLaw {
     pub(super) force: Vector3<f64>,
-    /// With respect to `h J qdd`; the same with respect to `h w x p_dot`.
+    /// Derivative of the force with respect to `h J qdd` (m/s); equal to that with respect to `h w x p_dot` (m/s).
     pub(super) by_change: Matrix3<f64>,
-    /// With respect to `J qd` (m/s), and to `J_dot qd` (m/s^2).
+    /// Derivatives of the force with respect to `J qd` (m/s), and to `J_dot qd` (m/s^2).
     pub(super) by_velocity: Matrix3<f64>,
     pub(super) by_bend: Matrix3<f64>,
-    /// With respect to the gap at the middle, and to w.
+    /// Derivatives of the force with respect to the gap (m) at the middle, and to w.
     pub(super) by_gap: Vector3<f64>,
     pub(super) by_weight: Vector3<f64>,
-    /// With respect to stiffness, damping, friction damping and friction of the whole material.
+    /// Derivatives of the force with respect to stiffness, damping, friction damping and friction of the unscaled
+    /// material.
     pub(super) by_material: [Vector3<f64>; 4],
-    /// With respect to the normal.
+    /// Derivative of the force with respect to the normal.
     pub(super) by_normal: Matrix3<f64>,
-    /// With respect to the force held, to the force held at the substep's start, and to w across the normal. The last
-    /// sets the sticking drag.
+    /// Derivatives of the force with respect to the forces (N) held now and at the substep's start, and to w across the
+    /// normal. The latter w sets the sticking drag.
     pub(super) by_held: Matrix3<f64>,
     pub(super) by_begun: Matrix3<f64>,
     pub(super) by_across: Vector3<f64>,
@@ -47,14 +49,14 @@ fn theta_gradients(share: f64, least: f64, short: f64, x: f64, w: f64) -> [f64; 
 }
 
 impl ContactLaw {
-    /// At a change `h J qdd` of its velocity. The contact's `start` and `turn` are the stage's; its material is a part
-    /// of the whole `material`.
+    /// Force and derivatives at a `change` `h J qdd` (m/s) of the point's velocity. The contact's `start` and `turn`
+    /// are the stage's; its material is `material` scaled to a part of the substep.
     pub(super) fn of(contact: &Contact, at: &At, material: &Material, change: &Vector3<f64>) -> Self {
         let At { h, weight: w, friction, first, mean_theta } = *at;
         let (n, m, gap, [spring, _, slide]) = (&contact.normal, &contact.material, contact.gap, contact.theta);
         let change = change + contact.turn;
         let (vn, dn) = (n.dot(&contact.start), n.dot(&change));
-        // At the substep's start, where thetas are chosen.
+        // Normal velocity at the substep's start, where thetas are chosen.
         let vn_then = n.dot(&contact.velocity);
         let then_parting = vn_then >= 0.0;
         let parting = contact.parts(vn, dn);
@@ -73,7 +75,8 @@ impl ContactLaw {
         };
         let force = n * normal - slip * drag.value;
 
-        // With respect to normal force and slip; the projection keeps the part across the normal.
+        // Derivatives of the force with respect to normal force and slip; the projection keeps the part across the
+        // normal.
         let by_normal = n - slip * drag.by_normal;
         let along = if drag.by_speed == 0.0 { 0.0 } else { drag.by_speed / slip.norm() };
         let own = slip * slip.transpose() * along;
@@ -104,12 +107,12 @@ impl ContactLaw {
         by_drag += by_drag_then * then.by_damping;
         let mut by_vn = by_normal_then * -d_then;
         let half = 0.5 * h * vn_then;
-        // The part of the substep that the point is inside.
         let mut pressed = [by_k, Vector3::zeros()];
         for (parting, by) in [(parting, by_d), (then_parting, by_d_then)] {
             pressed[0] += if parting { by * material.release } else { Vector3::zeros() };
             pressed[1] += if parting { Vector3::zeros() } else { by };
         }
+        // The part of the substep that the point is inside.
         let (part, _) = inside(contact.middle, half).unwrap_or_default();
         // A sticking drag follows from w, not from the material.
         let own_drag = friction != Friction::Coulomb;
@@ -130,7 +133,7 @@ impl ContactLaw {
             by_gap = by_gap * 0.5 + by_part * by_middle;
         }
         let mut by_velocity = by_start + by_vn * n.transpose();
-        // The normal splits vectors into their parts along and across.
+        // Derivative with respect to the normal, which splits vectors into their parts along and across.
         let across = n.dot(&seen);
         let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across)
             + n * seen.transpose() * drag.value
@@ -168,8 +171,8 @@ impl ContactLaw {
 }
 
 /// Derivatives of the part in `touch::inside`: with respect to the middle gap, and to the size of its change over half
-/// a substep. The mean gap's are 1/2 and -1/2. `None` where the gap is negative throughout: there the mean gap is the
-/// middle gap.
+/// a substep. The derivatives of the mean gap are 1/2 and -1/2. `None` where the gap is negative throughout: there the
+/// mean gap is the middle gap.
 pub(super) fn part_gradients(middle: f64, half: f64) -> Option<[f64; 2]> {
     let half = half.abs();
     (middle + half > 0.0).then(|| [-0.5 / half, 0.5 * middle / (half * half)])
@@ -182,13 +185,13 @@ pub(super) struct JointLaw {
     pub(super) by_gap: f64,
     pub(super) by_rate: f64,
     pub(super) by_weight: f64,
-    /// With respect to the largest dry friction.
+    /// Derivative of the torque with respect to the largest dry friction.
     pub(super) by_most: f64,
 }
 
 impl JointLaw {
-    /// Of a spring after a change `h qdd` of its joint's rate. `whole`: stiffness and damping of a limit, scaled by the
-    /// part of the substep beyond.
+    /// Derivatives of a spring's torque after a `change` `h qdd` of its joint's velocity. `whole`: a limit's stiffness
+    /// and damping before they are scaled to the part of the substep beyond the limit; `None` for a drive.
     pub(super) fn spring(spring: &Spring, at: &At, whole: Option<[f64; 2]>, change: f64) -> Self {
         let At { h, weight: w, mean_theta, .. } = *at;
         let (k, d, gap, [theta, damper]) = (spring.stiffness, spring.damping, spring.gap, spring.theta);
@@ -220,7 +223,7 @@ impl JointLaw {
         }
     }
 
-    /// Of dry friction.
+    /// Derivatives of the torque of dry friction after a `change` `h qdd` of its joint's velocity.
     pub(super) fn friction(dry: &DryFriction, at: &At, change: f64) -> Self {
         let seen = dry.rate + change;
         let material = dry.material();

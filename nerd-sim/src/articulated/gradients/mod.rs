@@ -1,5 +1,5 @@
-//! Gradients of a frame, as vector-Jacobian products: the frame is stepped and recorded, then its substeps are
-//! differentiated backward, the last one first (`docs/gradients.md`).
+//! Gradients of a frame, as vector-Jacobian products (`docs/gradients.md`). The frame is stepped and recorded, then its
+//! substeps are differentiated from the last to the first.
 
 mod explicit;
 mod inv_mass;
@@ -104,7 +104,8 @@ impl Workspace {
             let mut held: Vec<Vec<Motion>> = Vec::new();
             for row in rows.iter_mut() {
                 if step.lost {
-                    // A lost substep's halves began at its start: only its rate counts, its end pose does not.
+                    // Two halves replaced a lost substep from its start: only its rate has a gradient, its end pose has
+                    // none.
                     after.push(std::mem::replace(&mut row.pose, vec![0.0; robot.nv()]));
                     held.push(row.held.clone());
                     row.held.fill(Motion::default());

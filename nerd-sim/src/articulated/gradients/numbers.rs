@@ -1,9 +1,9 @@
-//! Numbers of a robot and its scene with gradients, in one vector.
+//! All numbers of a robot and its scene that have gradients, in one vector.
 
 use super::super::turning::{MIN_GYRATION, gyration};
 use crate::prelude::*;
 
-/// A kind of part (links, joints, contact points, colliders, gravity), and an offset within one part's numbers.
+/// Index of a kind of part (links, joints, contact points, colliders, gravity), and a number's offset within one part.
 pub(super) type Number = (usize, usize);
 
 pub(super) const MASS: Number = (0, 0);
@@ -21,11 +21,11 @@ pub(super) const OFFSET: Number = (3, 10);
 pub(super) const GRAVITY: Number = (4, 0);
 const WIDTHS: [usize; 5] = [16, 3, 4, 11, 3];
 
-/// Where each kind of part begins, and the end. A link has mass (kg), centre of mass (m), inertia about the latter
-/// (nine numbers, kg m^2), and joint position on the link above (m). A joint has damping, dry friction and armature. A
-/// contact point has place (m) and radius (m). A collider has the material of the robot's contact with it, and, if a
-/// plane, normal and offset (m). Geoms with contact laws of their own have multiples of this material. Last comes
-/// gravity (m/s^2).
+/// First index of each kind of part in the vector, and the vector's length. A link has mass (kg), centre of mass (m),
+/// inertia about its centre of mass (nine numbers, kg m^2), and joint position on the link above (m). A joint has
+/// damping (N m s/rad or N s/m), dry friction (N m or N) and armature (kg m^2 or kg). A contact point has place (m) and
+/// radius (m). A collider has the material of the robot's contact with it, and, if a plane, normal and offset (m).
+/// Geoms with contact laws of their own have multiples of this material. Last comes gravity (m/s^2).
 #[derive(Clone, Copy)]
 struct Layout([usize; 6]);
 
@@ -89,7 +89,7 @@ impl Numbers {
         !self.values.is_empty()
     }
 
-    /// Adds to the gradients that begin at a number of the i-th part.
+    /// Adds `by` to the N gradients that begin at `number` of the i-th part.
     pub(super) fn add<const N: usize>(&mut self, number: Number, i: usize, by: [f64; N]) {
         if self.asked() {
             let first = self.at.at(number, i);

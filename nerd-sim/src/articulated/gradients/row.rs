@@ -8,34 +8,35 @@ use super::super::spin::arm;
 use super::numbers::{COM, Numbers, ORIGIN};
 use crate::prelude::*;
 
-/// Gradients with respect to a substep's inputs. A free root's are in world axes: with respect to a rotation, a
-/// displacement of its origin, its angular velocity and its origin's velocity.
+/// Gradients with respect to a substep's inputs. A free root's gradients are in world axes. Their parts refer to a
+/// rotation, a displacement of the root's origin, its angular velocity and its origin's velocity.
 pub(super) struct Row {
     pub(super) pose: Vec<f64>,
     pub(super) speed: Vec<f64>,
-    /// With respect to the rate of the stage that is differentiated next.
+    /// Gradient with respect to the rate of the stage that is differentiated next.
     pub(super) rate: Vec<f64>,
     pub(super) torque: Vec<f64>,
-    /// With respect to target and speed of each joint's drive.
+    /// Gradient with respect to target and speed of each joint's drive.
     pub(super) drives: Vec<[f64; 2]>,
-    /// With respect to w of every touch, accumulated over the frame's substeps so far; `damping_used` and `shares`
-    /// likewise, with respect to the joints' damping and implicit resistance.
+    /// Gradient with respect to w of every touch, accumulated over the frame's substeps so far; `damping_used` and
+    /// `shares` accumulate those with respect to the joints' damping and implicit resistance.
     pub(super) weights: Vec<f64>,
-    /// With respect to the trace of a contact's 3x3 w; w across the normal is the trace less w along it.
+    /// Gradient with respect to the trace of a contact's 3x3 w; w across the normal is the trace less w along it.
     pub(super) across: Vec<f64>,
     pub(super) damping_used: Vec<f64>,
     pub(super) shares: Vec<f64>,
-    /// With respect to the wrenches (N, N m) that contacts hold with. `held` comes from later stages and goes into this
-    /// stage's wrenches; `holds` is this stage's, and goes to the stage before.
+    /// Gradient with respect to the wrenches (N, N m) that contacts hold with. `held` comes from later stages and acts
+    /// on this stage's wrenches. `holds` is that of this stage, and goes to the stage before.
     pub(super) held: Vec<Motion>,
     pub(super) holds: Vec<Motion>,
-    /// The same with respect to the wrenches at the substep's start, over all its stages.
+    /// Gradient with respect to the wrenches held at the substep's start, summed over all its stages.
     pub(super) begun: Vec<Motion>,
-    /// Within a substep: with respect to displacements of links, twists at its start, and a displacement of the root.
+    /// Gradients within a substep with respect to displacements of links, twists at its start, and a displacement of
+    /// the root.
     pub(super) loads: Vec<Wrench>,
     pub(super) starts: Vec<Wrench>,
     pub(super) way: Vector3<f64>,
-    /// With respect to the numbers of robot and scene.
+    /// Gradient with respect to the numbers of robot and scene.
     pub(super) numbers: Numbers,
 }
 
@@ -47,7 +48,7 @@ impl Row {
         if robot.floating() {
             let (r, [a, b]) = (quaternion(&state[3..7]), own_velocity(state, robot.nq()));
             let [turn, way, by_a, by_b] = [&pose, &pose[3..], &speed, &speed[3..]].map(vector);
-            // World-axes numbers under a rotation t: R^-1 w changes by R^-1 (dw - t x w).
+            // A rotation t and a change dw in world axes change the own-axes velocity R^-1 w by R^-1 (dw - t x w).
             set(&mut pose, [r * (turn - a.cross(&by_a) - b.cross(&by_b)), r * way]);
             set(&mut speed, [r * by_a, r * by_b]);
         }
@@ -97,7 +98,8 @@ impl Row {
         }
     }
 
-    /// Gradients with respect to the links' inertias of the function in [`Adjoint::begin`], `Y . I v - L . I a`.
+    /// Adds the gradients with respect to the links' inertias of the function in [`Adjoint::begin`],
+    /// `Y . I v - L . I a`.
     pub(super) fn inertias(&mut self, robot: &Robot, data: &Data, adjoint: &Adjoint) {
         for i in 0..if self.numbers.asked() { robot.links.len() } else { 0 } {
             let (v, l) = (&data.velocity[i], &adjoint.virtuals[i]);
@@ -106,8 +108,9 @@ impl Row {
         }
     }
 
-    /// Moves gradients from displacements of links to the pose's DoFs and the joints' positions on the links above. A
-    /// root's displacement is kept apart. `implicit`: whether the substep is implicit.
+    /// Moves gradients from displacements of links to the pose's DoFs and the joints' positions on the links above. The
+    /// gradient with respect to a root's displacement gets `self.way` instead. `implicit`: whether the substep is
+    /// implicit.
     pub(super) fn unload(&mut self, robot: &Robot, data: &Data, implicit: bool) {
         let way = [3, 4, 5].map(|k| self.pose.get(k).copied().unwrap_or_default());
         onto(robot, data, &mut self.loads, &mut self.pose);
@@ -141,7 +144,7 @@ impl Row {
     }
 }
 
-/// Writes two vectors.
+/// Writes two vectors to the first six numbers of `out`.
 pub(super) fn set(out: &mut [f64], parts: [Vector3<f64>; 2]) {
     out.iter_mut().zip(parts.iter().flatten()).for_each(|(o, x)| *o = *x);
 }

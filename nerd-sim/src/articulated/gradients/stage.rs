@@ -15,20 +15,20 @@ use super::{super::find::above, super::kick::turns, super::memory::Memory, super
 use crate::prelude::*;
 use crate::scene::Meeting;
 
-/// The iteration for the middle angular velocity ends at this relative remainder of its gradient.
+/// Relative remainder of the gradient at which the iteration for the middle angular velocity ends.
 const SETTLED: f64 = 1e-13;
 
 /// A force that acts in a stage, with the derivatives of its law.
 #[allow(clippy::large_enum_variant)] // Most are contacts.
 enum Law {
     Contact(Contact, ContactLaw, Option<TurnLaw>),
-    /// At a joint, with the index of its w.
+    /// Limit or dry friction of a joint, the index of its w (none for dry friction), and its law.
     Joint(usize, Option<usize>, JointLaw),
-    /// A drive, likewise.
+    /// Drive of a joint, the index of its w, and its law.
     Drive(usize, usize, JointLaw),
 }
 
-/// A solved stage.
+/// A solved stage, as input of its backward pass.
 struct Solved<'a> {
     place: Place<'a>,
     step: &'a Step,
@@ -124,7 +124,7 @@ impl Solved<'_> {
     }
 }
 
-/// System and scene of the frame.
+/// System, scene and friction law of the frame.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
     pub(super) system: &'a System,
@@ -186,7 +186,7 @@ impl Workspace {
         let spins = Spin::of(robot, data, (h, SETTLED), &step.qd).filter(|_| stage.spun);
         let solved = Solved { place, step, stage, laws: &laws, qdd: &qdd, solver: &solver, data, starts };
         for row in rows {
-            // A contact that does not act in this substep passes its held wrench on.
+            // The gradient of a held wrench goes on to the stage before, if its contact does not act in this substep.
             row.holds.copy_from_slice(&row.held);
             step.touches.iter().filter_map(Touch::index).for_each(|index| row.holds[index] = Motion::default());
             solved.back(row, adjoint, columns, by_middle);
@@ -194,8 +194,8 @@ impl Workspace {
             row.held.fill(Motion::default());
             if let Some(spins) = &spins {
                 let mut off = vector(by_middle) * (0.5 * h);
-                // The middle angular velocity depends on the rate of this very stage: the remainder of its gradient is
-                // fed back to that rate until it vanishes.
+                // The middle angular velocity depends on this stage's own rate. So the remainder of the gradient with
+                // respect to that velocity goes back to the rate, until the remainder vanishes.
                 let least = SETTLED * off.norm();
                 for _ in 0..SPIN_PASSES {
                     let more = spins.back(&stage.middle, &off);
@@ -325,7 +325,7 @@ fn solve_adjoint(
         let mut by_material = [0.0; 7];
         by_material.iter_mut().zip(&law.by_material).for_each(|(own, by)| *own = by.dot(&by_force));
         by_material[6] = -by_gap;
-        // Only the part across the normal is held.
+        // Only the part of a force across the normal is held.
         let mut by_turned = law.by_normal.tr_mul(&by_force) - held.lin * n.dot(&law.force);
         if let Some(turn) = turn {
             [4, 5].into_iter().zip(&turn.by_arms).for_each(|(k, by)| by_material[k] = by.dot(&by_torque));
@@ -344,8 +344,8 @@ fn solve_adjoint(
             .surfaces
             .meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
         if let Some(Meeting::Law(pair)) = mets {
-            // The pair's law is constant: its material is a multiple of the robot's; its friction counts only where one
-            // value is set for all pairs.
+            // The pair's law is constant: its material is a multiple of the robot's. The pair's friction has a gradient
+            // only where one value is set for all pairs.
             let one = f64::from(place.system.one_friction.is_some() && pair.condim > 1);
             by_material
                 .iter_mut()

@@ -10,19 +10,20 @@ use crate::prelude::*;
 /// Torque (N m) of torsional and rolling friction on the link, and its derivatives.
 pub(super) struct TurnLaw {
     pub(super) torque: Vector3<f64>,
-    /// With respect to the change `h J qdd` of the link's angular velocity, and to the angular velocity at the
-    /// substep's start.
+    /// Derivatives of the torque with respect to the change `h J qdd` of the link's angular velocity (rad/s), and to
+    /// that velocity at the substep's start.
     pub(super) by_change: Matrix3<f64>,
     pub(super) by_spin: Matrix3<f64>,
-    /// With respect to the normal force of the contact's law, or, if `then` is given, of the substep's start.
+    /// Derivative of the torque with respect to the normal force: of the contact's law, or, if `then` is given, at the
+    /// substep's start.
     pub(super) by_press: Vector3<f64>,
     pub(super) then: Option<Press>,
-    /// With respect to the coefficients of torsional and rolling friction.
+    /// Derivatives of the torque with respect to the coefficients of torsional and rolling friction.
     pub(super) by_arms: [Vector3<f64>; 2],
-    /// With respect to the normal.
+    /// Derivative of the torque with respect to the normal.
     pub(super) by_normal: Matrix3<f64>,
-    /// With respect to the torque held now and the torque held at the substep's start. With respect to w across the
-    /// normal and the link's squared radius of gyration (m^2), which set the sticking drag.
+    /// Derivatives of the torque with respect to the torques (N m) held now and at the substep's start. Then to w
+    /// across the normal and the link's squared radius of gyration (m^2), which set the sticking drag.
     pub(super) by_held: Matrix3<f64>,
     pub(super) by_begun: Matrix3<f64>,
     pub(super) by_across: Vector3<f64>,
@@ -30,7 +31,7 @@ pub(super) struct TurnLaw {
 }
 
 /// Derivatives of the normal force at a substep's start: with respect to the middle gap, the normal velocity, and
-/// stiffness and damping of the whole material.
+/// stiffness and damping of the unscaled material.
 #[derive(Default)]
 pub(super) struct Press {
     pub(super) by_gap: f64,
@@ -39,7 +40,7 @@ pub(super) struct Press {
 }
 
 impl Press {
-    /// The force (N), at least 0, and its derivatives.
+    /// Normal force (N) at the substep's start, at least 0, and its derivatives.
     fn then(contact: &Contact, h: f64) -> (f64, Self) {
         let (m, vn) = (&contact.material, contact.normal.dot(&contact.velocity));
         let [damping, _] = contact.dampers[usize::from(vn >= 0.0)];
@@ -69,7 +70,8 @@ impl Press {
 }
 
 impl TurnLaw {
-    /// At a change `h J qdd` of the link's angular velocity; `law` is the contact force's.
+    /// Torque and derivatives at a `change` `h J qdd` (rad/s) of the link's angular velocity. `law`: law of the
+    /// contact's force.
     pub(super) fn of(contact: &Contact, at: &At, law: &ContactLaw, change: &Vector3<f64>) -> Self {
         let (n, turning) = (&contact.normal, &contact.turning);
         let seen = turning.spin + change - turning.turn_offset;
@@ -96,7 +98,7 @@ impl TurnLaw {
             - n * slip.transpose() * (about * n.dot(&by_fast))
             + across * by_faster.transpose() * about_then;
         let by = |about_by: f64, across_by: f64| n * (-about * about_by) - across * across_by;
-        // The offset is the held torque over the sticking drag.
+        // The turn offset is the held torque over the sticking drag.
         let (c, lin, by_slip) =
             (turning.stick(&contact.material), contact.material.friction_damping, by_seen + by_drags);
         let [by_held, by_begun] = if at.first { [by_seen, by_drags] } else { [by_slip, Matrix3::zeros()] };
