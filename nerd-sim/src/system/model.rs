@@ -49,7 +49,7 @@ impl SystemError {
 pub enum Source {
     /// Derived from the robot's file.
     Derived,
-    /// Written for the robot.
+    /// Written in a TOML for this robot.
     Specified,
     /// A data sheet `[cable]` ([`crate::cable`]).
     Cable,
@@ -98,13 +98,13 @@ pub struct System {
     pub meshes: Vec<MeshFile>,
     /// Shapes of a fixed base, in the base frame; part of every scene except `free`.
     pub base: Vec<Shape>,
-    /// Static objects in the world of the robot's file: its scene [`GROUND`].
+    /// Static objects in the world of the robot's file; they form the scene [`GROUND`].
     pub world: Vec<Collider>,
     /// Contact laws between geoms of the robot's file.
     pub surfaces: Arc<Surfaces>,
-    /// Largest contact margin of these laws (m).
+    /// Largest contact margin (m) of the laws in `surfaces`.
     pub(crate) margin: f64,
-    /// Friction coefficient of all these contacts, if drawn or fitted.
+    /// Friction coefficient of all contacts with a law in `surfaces`, if it is drawn or fitted.
     pub one_friction: Option<f64>,
     /// Actuator and sensor model.
     pub motors: Motors,
@@ -198,7 +198,7 @@ impl System {
         Ok(())
     }
 
-    /// The default state `[q, qd]` with zero velocities; a root is by default upright at the origin.
+    /// The default state `[q, qd]` with zero velocities. Without `[root]`, a floating root is upright at the origin.
     pub fn default_state(&self) -> Vec<f64> {
         let mut state = self.robot.zero_state();
         if let Some(root) = &self.spec.root {
@@ -259,7 +259,7 @@ impl System {
         Ok(own)
     }
 
-    /// The system with an added scene `terrain`: ground of this kind, with nothing on it.
+    /// The system with an added scene `terrain`: the ground that `terrain` describes, without objects.
     ///
     /// # Errors
     /// If a number of `terrain` is out of range.

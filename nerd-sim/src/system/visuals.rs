@@ -31,8 +31,8 @@ pub enum Geometry {
 }
 
 impl System {
-    /// Visual shapes of the robot; meshes are read from their files again. Primitives of a fixed base are left out:
-    /// scenes have them.
+    /// Visual shapes of the robot; meshes are read from their files again. Primitives of a fixed base are left out,
+    /// since the scenes contain them.
     pub fn visuals(&self) -> Vec<Visual> {
         let (file, path) = &self.file;
         if file.bodies.is_empty() {
