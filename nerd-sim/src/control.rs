@@ -10,11 +10,12 @@ pub struct Controller {
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; zero without a PD law.
     pub gains: Vec<[f64; 2]>,
     /// Whether the law acts inside the frame ([`crate::solver::Simulation::serve`]). [`Controller::torques`] then
-    /// returns the torques at its start, without torque limits.
+    /// returns the torques at the frame's start, without torque limits.
     pub servo: bool,
     stable_pd: Option<StablePd>,
     wraps: Vec<bool>,
-    /// Position error and velocity by joint, at the present state or predicted for the end of the frame.
+    /// Position error (rad or m) and velocity (rad/s or m/s) by joint, at the present state or predicted for the end of
+    /// the frame.
     gaps: Vec<[f64; 2]>,
 }
 
@@ -57,8 +58,8 @@ impl Controller {
     /// tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)
     /// ```
     ///
-    /// Its effective stiffness is limited by the frame time, most on light links. A servo that acts inside the frame
-    /// has no such limit.
+    /// The frame time limits the effective stiffness of this law, most on light links. A servo that acts inside the
+    /// frame has no such limit.
     ///
     /// # Panics
     /// If `state`, `action` or `out` have other sizes than the system.
@@ -78,8 +79,7 @@ impl Controller {
     /// Vector-Jacobian product of [`Self::torques`]: adds to the gradients with respect to `state` and `action`. With
     /// `stable_pd`, mass matrix and bias forces count as constants.
     ///
-    /// # Panics
-    /// As [`Self::torques`].
+    /// # Panics Under the same conditions as [`Self::torques`].
     pub fn back(&mut self, state: &[f64], action: &[f64], by: &[f64], by_state: &mut [f64], by_action: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;

@@ -46,7 +46,7 @@ impl Default for Drive {
 }
 
 impl Drive {
-    /// Least and largest torque of the drive at joint velocity `qd`.
+    /// Least and largest torque (N m or N) of the drive at joint velocity `qd` (rad/s or m/s).
     pub fn bounds(&self, joint: &Joint, qd: f64) -> [f64; 2] {
         let most = |beyond: bool| if beyond { 0.0 } else { self.effort };
         [-most(qd < -joint.velocity), most(qd > joint.velocity)]

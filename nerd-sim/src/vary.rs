@@ -64,7 +64,8 @@ impl Told {
         self.0.len()
     }
 
-    /// Each parameter, mapped from its range to [-1, 1]. With `drawn` empty the nominal values, which may lie outside.
+    /// Each parameter, mapped from its range to [-1, 1]. If `drawn` is empty, the nominal values are mapped, which may
+    /// give numbers outside.
     pub fn numbers<'a>(&'a self, drawn: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|(k, Range { low, high }, nominal)| {
             let value = drawn.get(*k).unwrap_or(nominal);
@@ -116,7 +117,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     Some((own, drawn))
 }
 
-/// Draws a number: name of the range, link or joint, range, nominal value; `None` without a range.
+/// Draws a number; arguments: name of the range, name of link or joint, range, nominal value. `None` without a range.
 type Take<'a> = dyn FnMut(&str, &str, &Option<Range>, f64) -> Option<f64> + 'a;
 
 fn varied_link(link: &mut Link, vary: &VarySpec, take: &mut Take) {

@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, Rotation3, Unit};
 use super::element::Element;
 use crate::internal::*;
 
-/// Length (m, or none for axes) below which a vector is refused as having no direction.
+/// Length (m, or without unit) below which a vector counts as having no direction.
 pub(super) const MIN_LENGTH: f64 = 0.999e-6;
 
 #[derive(Clone, Debug)]

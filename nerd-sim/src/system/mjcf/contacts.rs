@@ -12,8 +12,8 @@ use crate::scene::{PairLaw, Softness, SurfaceGeom, Surfaces};
 /// Data of a model that decides which geoms collide, and by which law.
 pub(super) struct Contacts<'a> {
     model: &'a Model,
-    /// `weld`: for each body, the nearest moving ancestor or itself. `above`: for each body, the weld of the parent of
-    /// its weld.
+    /// `weld`: for each body, the nearest of itself and its ancestors that has joints or is a mocap body, else the
+    /// world. `above`: for each body, the weld of the parent of its weld.
     weld: Vec<usize>,
     above: Vec<usize>,
     excluded: Vec<[usize; 2]>,
