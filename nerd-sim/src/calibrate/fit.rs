@@ -78,7 +78,7 @@ struct Search<'a> {
     parameters: &'a [Parameter],
     trials: &'a [Trial],
     unit: Distance,
-    /// Cost of an evaluation, and total cost so far.
+    /// Cost of an evaluation, relative to one over all trials and frames; `spent`: total cost so far.
     share: f64,
     spent: &'a Cell<f64>,
 }

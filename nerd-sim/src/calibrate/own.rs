@@ -81,7 +81,7 @@ impl Subject {
         Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, gradients: true }, own })
     }
 
-    /// Objective of all groups of trials (`seen` in all), one a trajectory, at `values` of all parameters.
+    /// Objective at `values` of all parameters. `groups`: trials of each trajectory; `seen`: total number of trials.
     fn worth_of(
         &self,
         pair: &[Parameter],
@@ -122,7 +122,8 @@ impl Subject {
     }
 }
 
-/// Numbers of shared parameters, and of each trajectory's own, which follow one trajectory after the other.
+/// Number of shared parameters, and number of individual parameters per trajectory. In a list of all parameters the
+/// shared ones come first, then those of one trajectory after the other.
 #[derive(Clone, Copy)]
 struct Split {
     shared: usize,
@@ -135,7 +136,7 @@ impl Split {
         (0..self.shared).chain(self.shared + k * self.own..self.shared + (k + 1) * self.own)
     }
 
-    /// Values of these parameters.
+    /// Values of the k-th trajectory's parameters (shared, then individual).
     fn part(self, values: &[f64], k: usize) -> Vec<f64> {
         self.places(k).map(|i| values[i]).collect()
     }

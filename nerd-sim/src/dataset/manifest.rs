@@ -72,11 +72,10 @@ impl Manifest {
         checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// As [`Manifest::shard`], with the scene of each trajectory. Shards do not store scenes, so they are drawn again
-    /// from the seed.
+    /// Reads a shard as [`Manifest::shard`] does, with the scene of each trajectory. Shards do not store scenes, so the
+    /// scenes are drawn again from the seed.
     ///
-    /// # Errors
-    /// As [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
+    /// # Errors Under the conditions of [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
     pub fn shard_in_scenes(
         &self,
         folder: &Path,

@@ -27,7 +27,7 @@ impl Hull {
         let (vertices, faces) = shape.as_convex_polyhedron()?.to_trimesh();
         let face = |face: &[u32; 3]| {
             let corners @ [a, b, c] = face.map(|k| from_parry(&vertices[k as usize]));
-            // The normal of a sliver is rounding noise, and its neighbours are as near.
+            // A very thin triangle is left out: its normal is rounding noise, and neighbouring faces are as near.
             let normal = (b - a)
                 .cross(&(c - a))
                 .try_normalize(MIN_HEIGHT_RATIO * (b - a).norm_squared().max((c - a).norm_squared()))?;

@@ -34,7 +34,7 @@ pub trait Solver: Send {
         None
     }
 
-    /// Clears the memory of an environment.
+    /// Clears what the solver remembers of an environment's earlier frames.
     fn reset(&mut self, env: usize) {
         if let Some(inner) = self.inner_mut() {
             inner.reset(env);
@@ -146,8 +146,7 @@ impl Simulation {
 
     /// Sets the state of an environment and clears the solver's memory of this environment.
     ///
-    /// # Panics
-    /// As [`Batch::reset`].
+    /// # Panics Under the same conditions as [`Batch::reset`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);

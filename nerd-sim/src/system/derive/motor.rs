@@ -10,8 +10,8 @@ use crate::internal::*;
 const RANDOM_ACCELERATION: f64 = 20.0;
 /// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
 pub(super) const ROTOR_START_TIME: f64 = 0.01;
-/// Shares that give the effort of a motor without data, the larger of two torques. It carries the robot's weight on
-/// this share of a foot's lever about the joint, or `HELD_MASS_RATIO` times the links that the joint moves.
+/// Assumed effort of a motor without data: the larger of two torques. One carries the robot's weight on this share of a
+/// foot's lever about the joint. The other holds `HELD_MASS_RATIO` times the weight of the links that the joint moves.
 const BORNE_WEIGHT_SHARE: f64 = 0.75;
 const HELD_MASS_RATIO: f64 = 3.0;
 /// Least assumed effort, as a share of the largest effort of the robot's joints.
