@@ -119,8 +119,8 @@ impl Batch {
         self.forces = vec![Vector3::zeros(); self.len() * self.system.robot.contact_points.len()];
     }
 
-    /// Mean forces (N) on the contact points of an environment in the last frame, in order of the points, world axes;
-    /// empty where the solver reports no forces ([`crate::solver::Capabilities`]).
+    /// Mean forces (N, world axes) on the contact points of an environment in the last frame, in order of the points.
+    /// Empty where the solver reports no forces ([`crate::solver::Capabilities`]).
     pub fn forces_on(&self, env: usize) -> &[Vector3<f64>] {
         let points = if self.forces.is_empty() { 0 } else { self.system.robot.contact_points.len() };
         &self.forces[env * points..(env + 1) * points]

@@ -79,7 +79,8 @@ impl Controller {
     /// Vector-Jacobian product of [`Self::torques`]: adds to the gradients with respect to `state` and `action`. With
     /// `stable_pd`, mass matrix and bias forces count as constants.
     ///
-    /// # Panics Under the same conditions as [`Self::torques`].
+    /// # Panics
+    /// Under the same conditions as [`Self::torques`].
     pub fn back(&mut self, state: &[f64], action: &[f64], by: &[f64], by_state: &mut [f64], by_action: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -111,8 +112,8 @@ impl Controller {
         }
     }
 
-    /// Computes position errors and velocities of the joints. Returns whether they are predicted for the end of the
-    /// frame.
+    /// Computes position errors and velocities of the joints. Returns whether errors and velocities are predicted for
+    /// the end of the frame.
     fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
         let Self { system, gains, servo, stable_pd, wraps, gaps } = self;
         let (robot, h) = (&system.robot, system.frame_time);

@@ -41,8 +41,8 @@ pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
     [one, up.cross(&one)]
 }
 
-/// Number of stream blocks that a frame's noise takes: two draws for each component of the root's four vectors and for
-/// each joint's position and velocity.
+/// Number of stream blocks that a frame's noise takes. Each component of the root's four vectors takes two draws, and
+/// so does each joint's position and velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
     ((24 + 4 * system.robot.joint_count()) * WORDS_PER_NUMBER).div_ceil(WORDS_PER_BLOCK as usize) as u64
 }

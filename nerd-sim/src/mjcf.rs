@@ -48,9 +48,8 @@ pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, 
     written(system, scene, drives, hold, None)
 }
 
-/// Writes a system as [`mjcf`] does, with position actuators (control: the target) where the robot's law acts inside a
-/// frame. Contacts match this crate's stiffness, damping and tangential damping in `scene`. All colliders must have one
-/// material.
+/// As [`mjcf`], with position actuators (control: the target) where the robot's law acts inside a frame. Contacts match
+/// this crate's stiffness, damping and tangential damping. All colliders must have one material.
 pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
     let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));
@@ -124,8 +123,7 @@ fn expressible(robot: &Robot) -> Result<(), MjcfError> {
     Ok(())
 }
 
-/// Writes geom `k` of a scene. `friction`: `None` if contacts are by pair. `ours`: whether to use this crate's
-/// softness.
+/// Geom `k` of a scene. `friction`: `None` if contacts are by pair. `ours`: whether with this crate's softness.
 fn scene_geom(
     scene: &Scene,
     k: usize,
@@ -331,10 +329,9 @@ fn actuator(joint: &Joint, drive: &Drive) -> String {
 }
 
 /// Writes a limit of stiffness k and damping d, which applies `-k r - d v` at excess r (rad or m) and rate v. MuJoCo
-/// applies `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`, in accelerations. At the smallest impedance, `R =
-/// A / 1e-4` outweighs A and a_0. Then `k' = k A` and `b = d A` match ours to 1e-4, but MuJoCo's limit never pulls. The
-/// force is then explicit, like this crate's: a limit too stiff for one substep is unstable, where MuJoCo's default
-/// limits would be stable.
+/// applies `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`, in accelerations. At the smallest impedance,
+/// `R = A / 1e-4` outweighs A and a_0. Then `k' = k A` and `b = d A` match ours to 1e-4, but MuJoCo's limit never
+/// pulls. The force is then explicit: a limit too stiff for one substep is unstable, unlike MuJoCo's default limits.
 fn limit(limit: &Limit, weight: f64) -> String {
     if limit.stiffness <= 0.0 {
         return "limited=\"false\"".into();

@@ -25,7 +25,8 @@ use crate::{internal::*, solver::around, vary::VarySpec};
 const FRAMES: usize = LATEST as usize + 1;
 
 /// Steps robots with their actuators and sensors, around a solver without a model of them. With a delay, the next frame
-/// depends on torques of the last frames. Before a start and for missing frames these torques are zero.
+/// depends on commanded torques of earlier frames. Commanded torques count as zero before a start and for missing
+/// frames.
 pub struct Rig<S = Box<dyn Solver>> {
     solver: S,
     /// Pairs of a robot and its copy without motors: for the batch's robot, then for the robot of each environment.

@@ -19,8 +19,8 @@ pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     (0..MAX_START_ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
-/// Ratio of the largest velocities of [`hurry`] to the largest velocities in the specification's `reset` ranges: for
-/// the Ant up to 6 m/s and 16 rad/s, near the speeds of its policies.
+/// Ratio of the largest velocities of [`hurry`] to the largest velocities in the specification's `reset` ranges. For
+/// the Ant this gives up to 6 m/s and 16 rad/s, near the speeds of its policies.
 pub const FASTEST: f64 = 64.0;
 
 /// Replaces the velocities of a start; the pose is kept. One share, drawn from U(0, 1), is common to all velocities.
@@ -50,11 +50,12 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     }
 }
 
-/// The scene of a random trajectory that starts at `state`: the system's data scene, else a random plane if the
+/// The scene of a random trajectory that starts at `state`. It is the system's data scene, else a random plane if the
 /// specification has one, else empty. Random pegs are added if the specification has them.
 ///
-/// Random plane: normal n uniform in a cube, then normalised; offset `U(n . root - reach, min_i n . p_i - clearance)`
-/// over the contact points p_i of the start. So the robot starts clear of the plane, and of the pegs.
+/// The normal n of a random plane is drawn uniformly in a cube, then normalised. The offset (m) is
+/// `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the start. So the robot starts clear
+/// of the plane, and of the pegs.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
     if let (Some(scene), None) = (&own, &system.spec.random_pegs) {

@@ -42,8 +42,8 @@ struct Drawn<'a> {
     nominal: f64,
 }
 
-/// Parameters that a model may be conditioned on: all drawn numbers except torque ripple, which analytic solvers do not
-/// receive either, and the delay of observations.
+/// Parameters that a model may be conditioned on: all drawn numbers except torque ripple and the delay of observations.
+/// Analytic solvers do not receive ripple either.
 #[derive(Clone, Debug, Default)]
 pub struct Told(Vec<(usize, Range, f64)>);
 

@@ -1,6 +1,6 @@
 //! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts. The sensitivity S of
 //! the state follows `S' = A S + P`, with a frame's Jacobians A (previous state) and P (parameters). Descent
-//! (Levenberg-Marquardt within bounds) goes from short to long rollouts: over a few frames the objective is smooth, and
+//! (Levenberg-Marquardt within bounds) goes from short to long rollouts. Over a few frames the objective is smooth, and
 //! its minimum lies near the minimum over long rollouts.
 
 use std::ops::AddAssign;
@@ -16,10 +16,10 @@ use crate::{log::turned, prelude::*};
 
 /// Step of the scaled parameters for central differences of starts.
 const DIFFERENCE_STEP: f64 = 1e-5;
-/// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight: after a
+/// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight. After a
 /// chaotic bounce, frames carry no information.
 const HALVING_SENSITIVITY: f64 = 150.0;
-/// Largest sensitivity of a rollout; it ends there to avoid overflow.
+/// Largest sensitivity of a rollout; beyond it the rollout ends, to avoid overflow.
 const MAX_SENSITIVITY: f64 = 1e9;
 /// Differences from the measurement below this many units (nominal distances) count quadratically.
 const QUADRATIC_RANGE: f64 = 0.1;
@@ -36,8 +36,8 @@ impl Bent {
         Self { gradient: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
     }
 
-    /// Adds a difference (normalised by `unit`) and its sensitivities. Like the objective, it adds nothing without a
-    /// unit.
+    /// Adds a difference (normalised by `unit`) and its sensitivities. A part without a unit adds nothing, as in the
+    /// objective.
     fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
         if !unit.is_normal() {
             return;

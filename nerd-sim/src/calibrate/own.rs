@@ -24,7 +24,7 @@ impl Subject {
     /// receives evaluations done and the best objective so far.
     ///
     /// # Errors
-    /// As [`Subject::fit`]; also for a solver without gradients.
+    /// Under the conditions of [`Subject::fit`], and for a solver without gradients.
     pub fn fit_own(
         &self,
         [shared, own]: [&[Parameter]; 2],
@@ -69,7 +69,7 @@ impl Subject {
         let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &split.part(&values, k))?.distances(&of(id)));
         let (before, mut after) =
             (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
-        // Keep the fit only if it is no worse on all its trials than nominal parameters.
+        // Keep the fitted values only if their objective over all trials is no larger than with nominal parameters.
         let kept = objective(&after, &before);
         if !kept.is_finite() || kept > objective(&before, &before) {
             values = all.iter().map(|p| p.nominal).collect();

@@ -143,8 +143,8 @@ impl Subject {
         Ok(out)
     }
 
-    /// Sets a number of the robot's material, and of the scene's material if it has one, since a pair acts with their
-    /// mean.
+    /// Sets a number of the robot's material, and of the scene's material if the scene states one. Both are set, since
+    /// a contact has the mean of both materials.
     fn set_material(&self, system: &mut System, what: What, value: f64) {
         let own =
             system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());

@@ -119,8 +119,8 @@ impl Subject {
         }
     }
 
-    /// Start state of a rollout. A penetrating body is moved out of the ground, which would throw it out. In free fall
-    /// the velocity is corrected for the lag.
+    /// Start state of a rollout. A penetrating body is moved out of the ground, since contact forces would throw the
+    /// body out. In free fall the velocity is corrected for the lag.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         self.shift(&mut state[..robot.nq()], 1.0);

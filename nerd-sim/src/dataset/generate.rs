@@ -85,7 +85,7 @@ fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torqu
     }
 }
 
-/// Records what an environment's sensors show, and the contact events of the state that they show.
+/// Records what an environment's sensors show, and the contact events of the state that the sensors show.
 fn show(
     system: &System,
     Begun { batch, sensors, .. }: &mut Begun,

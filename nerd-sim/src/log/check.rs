@@ -158,8 +158,8 @@ fn refuse(
     Err(bad(csv, format!("{words}; {advice}")))
 }
 
-/// Notes a coordinate that jumps in a row by a thousand times its change in 99 % of the rows: a glitch of a sensor or
-/// file.
+/// Notes a coordinate that changes in one row more than a thousand times as much as in 99 % of the rows. This suggests
+/// a glitch of a sensor or file.
 pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) {
     let root = spec.root.iter().flat_map(|root| root.position.iter().enumerate());
     let joint = |name: &String| spec.joints.iter().find(|j| j.name == *name).map(|j| &j.position);

@@ -6,7 +6,7 @@ use crate::files::renamed::{self, Kind};
 use crate::table::{Place, Row, Table, twice};
 use crate::{arrays::Arrays, internal::*};
 
-/// Largest magnitude accepted as a measurement, in SI units; times since an epoch are below it.
+/// Largest magnitude accepted as a measurement, in SI units; times since an epoch (s) are below this bound.
 const MAX_MEASUREMENT: f64 = 1e11;
 
 #[derive(Clone, Debug)]

@@ -28,8 +28,8 @@ fn rounding(moments: &[Moment]) -> f64 {
     [1e-1, 1e-2, 1e-3, 1e-4, 1e-5].into_iter().find(|digit| whole(*digit)).unwrap_or(0.0) / 2.0
 }
 
-/// Removes trajectories that equal another one up to a rotation about the vertical and a horizontal shift. They would
-/// count twice, and could end on both sides of a split.
+/// Removes trajectories that equal another one up to a rotation about the vertical and a horizontal shift. Such copies
+/// would count twice, and could be in both the training and the test data.
 pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
     if !system.robot.floating() {
         return;
@@ -125,8 +125,8 @@ pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
 }
 
-/// Mean velocities from pose `a` to pose `b`: angular (rad/s) and linear (m/s) velocity of the root in world axes, then
-/// joint velocities (rad/s or m/s).
+/// Mean velocities from pose `a` to pose `b`. First come angular (rad/s) and linear (m/s) velocity of the root in world
+/// axes, then joint velocities (rad/s or m/s).
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = vec![0.0; robot.nv()];
     difference(robot, a, b, &mut out);

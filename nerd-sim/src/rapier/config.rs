@@ -18,8 +18,8 @@ pub struct RapierConfig {
     /// Solver iterations (rapier's substeps) per outer step, at least 1. Default 4.
     pub iterations: usize,
     /// Outer steps per frame, each with collision detection and a check of limits, at least 1. Default 4. With 1, a
-    /// link passes through a surface that it crosses within a frame: the double pendulum penetrates by 0.1 m instead of
-    /// 0.01 m.
+    /// link passes through a surface that it crosses within a frame. The double pendulum then penetrates by 0.1 m
+    /// instead of 0.01 m.
     pub steps: usize,
     /// Restitution of every contact, 0 to 1. Default 0. It replaces the damping of the compliant contact model.
     pub restitution: f64,

@@ -34,7 +34,7 @@ pub struct Collider {
     /// Uneven ground, if set: heights along the z axis of `pose`. `shape` is then the half-space below height 0.
     pub field: Option<Field>,
     /// Bounding sphere of the shape, centre and radius (m) in the collider's axes, set by [`Collider::new`]. Far points
-    /// skip the query. Update it if you replace `shape`.
+    /// skip the query. Update the sphere if you replace `shape`.
     pub ball: (Vector3<f64>, f64),
     /// Faces of the shape if it is a convex hull.
     pub hull: Option<Hull>,

@@ -1,8 +1,8 @@
 //! Uneven ground: a grid of heights with bilinear interpolation that repeats along x and y, or a finite block with this
 //! top.
 //!
-//! Distance and normal refer to the tangent plane vertically below the point. For a sphere they ignore the curvature of
-//! the ground beneath.
+//! Distance and normal refer to the tangent plane vertically below the point. For a sphere, distance and normal ignore
+//! the curvature of the ground beneath.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -22,7 +22,7 @@ pub enum TerrainKind {
     Rubble,
     /// Stairs that rise to the middle of the field from all sides, with steps of `height` and depth `length`.
     Steps,
-    /// As [`TerrainKind::Steps`], with slopes in place of stairs.
+    /// Slopes that rise to the middle of the field from all sides, by `height` over each `length`.
     Slopes,
     /// Waves along x and y with height `height` and wavelength near `length`.
     Waves,
@@ -102,7 +102,7 @@ impl Field {
     /// `base` (m) below height 0.
     ///
     /// # Errors
-    /// As [`Field::new`], or if an axis has fewer than two nodes.
+    /// Under the conditions of [`Field::new`], or if an axis has fewer than two nodes.
     pub fn block(cell: [f64; 2], nodes: [usize; 2], heights: Vec<f64>, base: f64) -> Result<Self, String> {
         within("`base`", base, 1e-9..=1e6, "m")?;
         if nodes.contains(&1) {

@@ -45,7 +45,8 @@ pub struct PairLaw {
     pub softness: Softness,
     /// Factors on stiffness and damping of the robot's material, derived from `softness`.
     pub factors: [f64; 2],
-    /// Time constant (s) of resolving a penetration. It gives equal damping in both directions, as in MuJoCo.
+    /// Time constant (s) of resolving a penetration. Its value gives equal damping while approaching and separating, as
+    /// in MuJoCo.
     pub release: f64,
 }
 

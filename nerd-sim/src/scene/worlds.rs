@@ -21,8 +21,8 @@ const SLOPE: f64 = 0.174_532_925_199_432_95;
 const BOX: [[f64; 3]; 2] = [[0.3, 0.5, 0.1], [0.75, 0.0, 0.1]];
 /// Steps of `steps`: number, rise, tread, width (m). The first step begins at x = 0.4 m.
 const STEPS: (usize, f64, f64, f64) = (6, 0.08, 0.4, 4.0);
-/// Hills of `hills`: half side (m), cells per side, depth of the deepest valley (m). Beyond them lies a plane at that
-/// depth.
+/// Hills of `hills`: half side (m), cells per side, depth of the deepest valley (m). Beyond the hills lies a plane at
+/// this depth.
 const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
 
 /// The mesh of `hills`, made once and shared by all scenes.

@@ -39,8 +39,8 @@ pub(crate) struct Meeting {
 }
 
 impl Capsule {
-    /// Contact with another capsule: the pair of points `m + s h` on the two axes, s from -1 to 1, with the least `|x_1
-    /// - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`. R is the sum of the radii (m).
+    /// Contact with another capsule, at the pair of points `x = m + s h` on the two axes, s from -1 to 1. The pair has
+    /// the least `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`. R is the sum of the radii (m).
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> Meeting {
         let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);

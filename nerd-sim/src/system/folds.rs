@@ -138,8 +138,8 @@ fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Ve
     own
 }
 
-/// Capsules of a part, from its shapes and meshes, else from convex hulls among its contact points; and the points that
-/// the capsules should cover.
+/// Capsules of a part, from its shapes and meshes, else from convex hulls among its contact points. Also returns the
+/// points that the capsules should cover.
 fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (Vec<Capsule>, Vec<ContactPoint>) {
     let shapes = || robot.links[link].shapes.iter().filter(|shape| surface.is_none() || shape.surface == surface);
     let mut capsules: Vec<_> = shapes().flat_map(Capsule::of_shape).collect();

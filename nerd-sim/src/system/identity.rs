@@ -41,7 +41,8 @@ impl System {
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            // Keys added later are omitted where they have no effect, so that earlier systems keep their hash.
+            // Keys that later versions added are omitted where they have no effect, so that earlier systems keep their
+            // hash.
             let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
             keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
             keys.get_mut("vary")

@@ -1,4 +1,4 @@
-//! Merges the keys of one TOML over the keys of another, so that a specification needs only the differences.
+//! Merges the keys of one TOML over the keys of another, so that a specification needs only the keys that differ.
 //!
 //! `like = "ant"` takes missing keys from the file of the built-in robot `ant`. The file of `ant-paper`, the Ant of the
 //! reference simulator, thus has only a few lines. `like = "urdf"` derives missing keys from the URDF (`derive.rs`). A

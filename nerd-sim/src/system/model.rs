@@ -56,8 +56,8 @@ pub enum Source {
 }
 
 impl Source {
-    /// Description of the starts of a system (`rooted`: with `[root]`), and the setting that would lift them clear of
-    /// the scene.
+    /// Returns two texts for an error: the ranges of a system's starts, and advice that would bring the starts clear of
+    /// the scene. `rooted`: whether the system has `[root]`.
     pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
         match (self, rooted) {
@@ -112,8 +112,8 @@ pub struct System {
     pub(crate) file: (Arc<Bodies>, Option<PathBuf>),
     /// Drawn parameters, by [`crate::vary::columns`]; empty for the nominal robot.
     pub drawn: Vec<f64>,
-    /// For each link, the link with the inertia that replaces it in the mass matrix. Empty unless a simulator's fault
-    /// is reproduced.
+    /// For each link, index of the link whose inertia replaces its own in the mass matrix. Empty unless a simulator's
+    /// fault is reproduced.
     pub(crate) stand_ins: Vec<usize>,
     pub(crate) folds: Folds,
 }
@@ -167,7 +167,7 @@ impl System {
         self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)
     }
 
-    /// The specification as TOML: with `urdf = ...` it can be put beside the robot's file and edited.
+    /// The specification as TOML: with a line `urdf = ...`, this text can be put beside the robot's file and edited.
     pub fn spec_text(&self) -> String {
         if self.source != Source::Cable {
             return toml::to_string(&self.spec).unwrap_or_default();

@@ -45,8 +45,8 @@ pub struct Spec {
     pub data_scene: Option<String>,
     /// Random pegs in the training data, on the ground of `data_scene`.
     pub random_pegs: Option<RandomPegs>,
-    /// Time (s) from one random torque to the next, drawn once per trajectory; torques follow a smooth curve in between
-    /// [default: a new torque every frame].
+    /// Time (s) from one random torque to the next, drawn once per trajectory [default: a new torque every frame].
+    /// Torques follow a smooth curve in between.
     pub smooth: Option<Range>,
     /// Ranges of parameters drawn for each trajectory; see [`crate::vary`].
     pub vary: Option<VarySpec>,
@@ -232,8 +232,8 @@ pub struct JointSpec {
 }
 
 impl JointSpec {
-    /// Torque limit of the joint's motor (N m or N): the first positive finite one of torque of a unit action, effort
-    /// in the robot's file, and `kp`; else 1.
+    /// Torque limit (N m or N) of the joint's motor. It is the first positive finite number among the torque of a unit
+    /// action, the effort in the robot's file, and `kp`; else 1.
     pub fn torque_limit(&self, joint: &Joint) -> f64 {
         let known = [self.gain.unwrap_or(self.torque), joint.effort, self.kp];
         known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)

@@ -21,11 +21,10 @@ pub enum Truth {
 }
 
 /// Steps per frame of rapier as a truth: at 60 frames/s, contacts are found 240 times a second. Each step has rapier's
-/// default of 4 iterations. More steps change the motion without converging: on the Ant, the motion with 8 steps
-/// differs from that with 4 as much as that with 16 from that with 8. A model also learns rapier's faults, such as a
-/// fast tip sinking 29 mm into the ground (`nerd-sim/tests/solvers/rapier.rs`; `results/stability`). Every frame is
-/// stepped in a new rapier world, in the axes of a floating root. The next state thus depends on no warm start, other
-/// trajectory or heading.
+/// default of 4 iterations. More steps change the motion without converging. On the Ant, the motions with 8 and 4 steps
+/// differ as much as those with 16 and 8. A model also learns rapier's faults, such as a fast tip sinking 29 mm into
+/// the ground (`nerd-sim/tests/solvers/rapier.rs`; `results/stability`). Every frame is stepped in a new rapier world,
+/// in the axes of a floating root. The next state thus depends on no warm start, other trajectory or heading.
 #[cfg(feature = "rapier")]
 pub(crate) const STEPS: usize = 4;
 #[cfg(feature = "rapier")]

@@ -122,7 +122,7 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
-        // A default position may exceed a limit by up to 1 (rad or m), since files round it.
+        // A default position may exceed a limit by up to 1 (rad or m), since files round positions.
         let beyond = |limit: &Limit| joint.default_q < limit.lower - 1.0 || joint.default_q > limit.upper + 1.0;
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
             let (low, high, name) = (limit.lower, limit.upper, &joint.name);

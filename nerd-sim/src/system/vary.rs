@@ -43,8 +43,8 @@ pub struct VarySpec {
     /// No-load speed of each joint's motor (rad/s or m/s). The motor's torque falls linearly from
     /// [`super::JointSpec::torque_limit`] at zero velocity to zero at this speed.
     pub top_speed: Option<Range>,
-    /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no model is
-    /// conditioned on it.
+    /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no learned model
+    /// is conditioned on ripple.
     pub ripple: Option<Range>,
     /// Standard deviation of white noise on each joint's measured position (rad or m). On measured velocity it is this
     /// value divided by the frame time (s). Recordings ([`crate::dataset::Recording::shown`]) and observations have

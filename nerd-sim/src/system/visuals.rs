@@ -1,4 +1,4 @@
-//! Visual shapes of a robot: for each link of its file the visual shapes, else the collision shapes; a mesh becomes a
+//! Visual shapes of a robot: for each link of its file the visual shapes, else the collision shapes. A mesh becomes a
 //! convex hull with few vertices. Visual shapes do not affect motion, so unreadable ones are left out.
 
 use nerd_core::robot::{Form, Shape, Solid};

@@ -105,8 +105,8 @@ fn pyramid(law: &PairLaw, elliptic: bool, impratio: f64) -> f64 {
 /// Stiffness (N/m) and damping (N s/m) of a contact with inverse inertia A = `inverse` (1/kg), at rest under a load
 /// (N).
 ///
-/// At penetration r (m) and closing velocity v (m/s), MuJoCo's contact has the impedance d(r) and the force `(b v + k d
-/// r) d / ((1 - d) A)`.
+/// At penetration r (m) and closing velocity v (m/s), MuJoCo's contact has the impedance d(r) and the force
+/// `(b v + k d r) d / ((1 - d) A)`.
 fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] {
     let [d0, wide, width, middle, power] = softness.solimp;
     let bound = |x: f64| x.clamp(1e-4, 0.9999);

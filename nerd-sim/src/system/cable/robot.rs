@@ -3,7 +3,7 @@
 use super::spec::{CableSpec, Support};
 use crate::{internal::*, system::derive::rounded};
 
-/// Ratio of damping to stiffness (s) if no damping is given: leads, hoses and ropes lose a bend quickly, and an
+/// Ratio of damping to stiffness (s) if no damping is given. Leads, hoses and ropes lose a bend quickly, and an
 /// undamped chain of springs would oscillate with growing amplitude.
 const DAMPING_TIME: f64 = 0.01;
 /// Natural frequency (rad/s) of a gripper's axes: 4 Hz.

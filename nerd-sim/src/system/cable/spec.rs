@@ -33,7 +33,7 @@ pub struct CableSpec {
     pub mass: f64,
     /// Bending stiffness E I (N m^2).
     pub bending: f64,
-    /// Torsional stiffness G J (N m^2); without it the cable does not twist.
+    /// Torsional stiffness G J (N m^2); without a value the cable does not twist.
     pub twisting: Option<f64>,
     /// Damping of bending: moment per rate of curvature (N m^2 s). Damping of twisting has the same ratio to torsional
     /// stiffness [default: 0.01 s times the stiffness].

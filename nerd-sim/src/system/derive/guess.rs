@@ -1,5 +1,5 @@
 //! Derives the settings of a robot without TOML from the numbers in its file: free base, materials, starts, drives.
-//! `cargo xtask inspect --robot my.urdf` prints them as a TOML for the file.
+//! `cargo xtask inspect --robot my.urdf` prints these settings as a TOML for the file.
 
 use std::f64::consts::PI;
 
@@ -269,8 +269,8 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     robot.contact_points = kept;
 }
 
-/// Range (rad) of the position targets of a legged robot for an action of 1: the median over joints of torque limit
-/// over kp in the file, between [`MIN_TARGET_RANGE`] and 1; 1 if the file has no gains.
+/// Range (rad) of the position targets of a legged robot for an action of 1. It is the median over joints of torque
+/// limit over kp in the file, between [`MIN_TARGET_RANGE`] and 1. It is 1 if the file has no gains.
 fn scale(file: &Description) -> f64 {
     let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
     let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);

@@ -1,9 +1,9 @@
 //! Default stiffness and damping of joint limits, as stiff as the reference simulator's substep `dt` allows.
 //!
-//! I is the least inertia felt at the joint with all other joints free, over a few poses. Stiffness is `I (0.2 /
-//! dt)^2`. Stiffness is higher, up to `I (2 / dt)^2`, where the joint's effort would push the joint beyond an end of
-//! its range by more than 4 % of the range. Limits too stiff for an explicit substep are stepped implicitly
-//! (`articulated/stiff.rs`). Damping is critical: `2 sqrt(I stiffness)`.
+//! I is the least inertia felt at the joint with all other joints free, over a few poses. Stiffness is
+//! `I (0.2 / dt)^2`. Stiffness is higher where the joint's effort would push the joint beyond an end of its range by
+//! more than 4 % of the range. It is at most `I (2 / dt)^2`. Limits too stiff for an explicit substep are stepped
+//! implicitly (`articulated/stiff.rs`). Damping is critical: `2 sqrt(I stiffness)`.
 
 use nerd_core::dynamics::Inverse;
 

@@ -6,7 +6,8 @@ use super::limits::pose;
 use super::plain::rounded;
 use crate::internal::*;
 
-/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to holding it against gravity.
+/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to the torque that holds the joint
+/// against gravity.
 const RANDOM_ACCELERATION: f64 = 20.0;
 /// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
 pub(super) const ROTOR_START_TIME: f64 = 0.01;

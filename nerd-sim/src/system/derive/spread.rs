@@ -10,8 +10,8 @@ use crate::internal::*;
 use crate::system::mesh::hull::{SUPPORT_DIRECTIONS, allowance, around, bounds, few};
 
 /// Indices of at most `most` points. First come the extreme points toward the corners of the bounding box, lower ones
-/// first. Then follows, repeatedly, the point farthest from all chosen points. So a sole with an ankle on it keeps the
-/// corners of the sole. With `most` below four, the corners are skipped.
+/// first. Then follow further points, each the farthest from all points chosen before. A sole with an ankle thus keeps
+/// the corners of the sole. With `most` below four, the corners are skipped.
 pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     let Some([least, largest]) = bounds(points) else { return Vec::new() };
     // Coordinates are scaled by the box's edges, so that a flat box also has eight corners.
@@ -96,8 +96,8 @@ pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &
 
 /// Replaces many contact points by a few, since each is an input of the network. Also returns for each link the
 /// additional penetration (m) that this allows. Corners and vertices become a few points, each the deepest of its
-/// cluster, so that no possible lowest point is lost. Round shapes stay round, unless the rest of the surface covers
-/// them. Points on the lower corners at `state` get separate clusters.
+/// cluster, so that no possible lowest point is lost. Round shapes stay round, unless other shapes of the link reach as
+/// far in every direction. Points on the lower corners at `state` get separate clusters.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);

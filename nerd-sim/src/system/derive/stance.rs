@@ -1,4 +1,4 @@
-//! A standing pose for a legged robot with joints that cannot be at zero: each foot below its hip, at a share of the
+//! A standing pose for a legged robot with joints that cannot be at zero. Each foot is below its hip, at a share of the
 //! leg's reach. Links above the legs, such as a waist, and arms keep their positions.
 
 use super::{leg::Leg, limbs::Limbs, limits::pose};

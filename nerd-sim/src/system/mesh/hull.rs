@@ -42,7 +42,7 @@ pub(crate) fn allowance(points: &[Vector3<f64>]) -> f64 {
 /// geometry along a unit vector n, which counts as part of the subset's support.
 pub(crate) fn few(points: &[Vector3<f64>], others: impl Fn(&Vector3<f64>) -> f64, off: f64) -> Vec<Vector3<f64>> {
     let (places, outward) = hull(points);
-    // A vertex's loss is largest in the direction in which it alone is the farthest.
+    // Dropping a vertex loses most support in the direction in which this vertex alone is the farthest.
     let own =
         outward.into_iter().enumerate().map(|(k, n)| (n, k)).step_by(places.len().div_ceil(MAX_OWN_DIRECTIONS).max(1));
     let asked = farthest(&places, around(SUPPORT_DIRECTIONS)).chain(own);

@@ -99,7 +99,7 @@ impl Compiler {
         Ok(())
     }
 
-    /// The orientation of an element, if it has one.
+    /// The orientation that an element's attributes give, if any.
     pub fn turn(&self, e: &Element) -> Result<Option<UnitQuaternion<f64>>, UrdfError> {
         // The schema allows at most one of these attributes.
         let Some(key) = ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().find(|key| e.word(key).is_some())

@@ -201,7 +201,7 @@ impl Joint {
     }
 }
 
-/// The range, if it is active: it is declared as limited, or `autolimits` is set and it has a positive width.
+/// The range, if it is active: declared as limited, or of positive width while `autolimits` is set.
 pub(super) fn limited(range: [f64; 2], limited: Option<bool>, compiler: &Compiler) -> Option<[f64; 2]> {
     let there = limited.unwrap_or(compiler.autolimits && range[0] < range[1]);
     there.then_some(range)

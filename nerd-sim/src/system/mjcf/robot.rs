@@ -132,7 +132,7 @@ impl Tree<'_> {
         let axis =
             Unit::try_new(Vector3::from(joint.axis), MIN_LENGTH).ok_or_else(|| wrong("its axis has no direction"))?;
         let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
-        // The coordinate equals `ref` in the file's pose.
+        // The joint's coordinate equals `ref` in the file's pose, so the zero pose is turned or moved back by `ref`.
         let back = *axis * -joint.reference;
         pose *= if slides { Isometry3::from(back) } else { Isometry3::rotation(back) };
         let kind = match (slides, range) {

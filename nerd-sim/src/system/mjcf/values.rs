@@ -13,7 +13,7 @@ pub(super) enum Value {
     Filled,
     /// A number of bytes, such as `4M`.
     Bytes,
-    /// Name of an object of this kind. If the text ends in `type`, it is the attribute whose value is the kind.
+    /// Name of an object of this kind. A text that ends in `type` names the attribute whose value is the kind.
     Named(&'static str),
     Numbers {
         kind: Number,

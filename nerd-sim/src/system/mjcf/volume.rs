@@ -67,8 +67,8 @@ fn sum(
         let (own, pyramid) = mass_of(corners);
         let total: Vector3<f64> = corners.iter().sum();
         let squares: Matrix3<f64> = corners.iter().map(|v| v * v.transpose()).sum();
-        // Moments of a triangle with corners v: first `sum v / 3`, second `(sum v v^T + sum v (sum v)^T) / 12`. For the
-        // pyramid between triangle and origin, 3/4 and 3/5 of these.
+        // Moments of a triangle with corners v: first `sum v / 3`, second `(sum v v^T + sum v (sum v)^T) / 12`. The
+        // moments of the pyramid between triangle and origin are 3/4 (first) and 3/5 (second) of the triangle's.
         let shares = if pyramid { [0.75, 0.6] } else { [1.0, 1.0] };
         mass += own;
         first += total * (own * shares[0] / 3.0);
