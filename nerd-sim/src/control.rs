@@ -45,9 +45,10 @@ impl Controller {
 
     /// Torques (N m or N), one per joint, for an action at a state `[q, qd]`.
     ///
-    /// Without `[control]`: `gain clamp(a)`. With `[control]`: `kp (target - q) - kd qd`. The target is the default
-    /// pose (with `relative`: the present pose) plus `scale a`. With `clamp` the torque stays within the gain. Toward a
-    /// default pose, a joint without limits takes the shorter direction.
+    /// Without `[control]`, the torque is `gain clamp(a)` for action a. With `[control]`, the torque is
+    /// `kp (target - q) - kd qd`. The target is the default pose (with `relative`: the present pose) plus `scale a`.
+    /// With `clamp` the torque stays within the gain. Toward a default pose, a joint without limits takes the shorter
+    /// direction.
     ///
     /// A torque held constant over a frame h makes a stiff law unstable in any solver (`kp > 4 I / h^2`). With
     /// `stable_pd` the law acts on the predicted state at the end of the frame: linearised, without contact. This law

@@ -61,8 +61,8 @@ impl Drive {
     }
 }
 
-/// Drives that hold the joints of a robot at their positions in `state`, one per joint. They serve a URDF without
-/// gains.
+/// Drives that hold the joints of a robot at their positions in `state`, one per joint. These drives serve robots whose
+/// URDF states no gains.
 ///
 /// The robot has mass m (kg) and extent L (m) from lowest to highest contact point. Then `kp = m g L` on hinges,
 /// `kp = 20 m g / L` on slides, and `kd = kp / 20`. A hinge then carries the robot's weight on a lever of length L with

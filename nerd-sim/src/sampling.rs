@@ -54,8 +54,8 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
 /// specification has one, else empty. Random pegs are added if the specification has them.
 ///
 /// The normal n of a random plane is drawn uniformly in a cube, then normalised. The offset (m) is
-/// `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the start. So the robot starts clear
-/// of the plane, and of the pegs.
+/// `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the start. The robot thus starts
+/// clear of the plane. Pegs, too, are drawn clear of the robot.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
     if let (Some(scene), None) = (&own, &system.spec.random_pegs) {

@@ -33,7 +33,7 @@ impl Table {
         Ok(Self { path: path.into(), names, source })
     }
 
-    /// Opens a CSV. Its first line determines the delimiter: commas, else semicolons or tabs.
+    /// Opens a CSV. The first line of the file determines the delimiter: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
         crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;

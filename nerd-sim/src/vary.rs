@@ -18,7 +18,7 @@ use crate::system::motors::Motors;
 pub use crate::system::vary::VarySpec;
 
 /// A system with parameters drawn from the ranges of its `[vary]`, and the drawn numbers in the order of [`columns`].
-/// Without `[vary]`: the same system, and no numbers.
+/// Without `[vary]`, returns the same system and no numbers.
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
     let varied = varied(system, &mut |what| what.range.draw(rng));
     varied.map_or_else(|| (system.clone(), Vec::new()), |(own, drawn)| (Arc::new(own), drawn))
@@ -149,8 +149,8 @@ fn varied_contact(own: &mut System, vary: &VarySpec, take: &mut Take) {
     own.one_friction = friction.or(own.one_friction);
 }
 
-/// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without `[vary]`
-/// all share one robot.
+/// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without
+/// `[vary]`, all environments share one robot.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {

@@ -156,7 +156,7 @@ impl Subject {
                 _ => {}
             }
         }
-        // Also replaces friction coefficients that the robot's file sets for pairs.
+        // The value also replaces friction coefficients that the robot's file sets for pairs of geoms.
         if what == What::Friction {
             system.one_friction = Some(value);
         }

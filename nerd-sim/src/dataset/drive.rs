@@ -69,9 +69,9 @@ pub trait Act {
     fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]);
 }
 
-/// Uniform cubic B-splines with random control values, one curve per joint. They suit robots that follow their torques,
-/// such as a gripper under impedance control. The curve of a joint with a spring starts at the torque that holds its
-/// start position.
+/// Uniform cubic B-splines with random control values, one curve per joint. Such smooth torques suit robots that follow
+/// their torques, such as a gripper under impedance control. The curve of a joint with a spring starts at the torque
+/// that holds its start position.
 pub struct Smooth {
     amplitudes: Vec<f64>,
     /// The four control values (N m or N) around the present time, for each joint.

@@ -21,7 +21,8 @@ pub struct RapierConfig {
     /// link passes through a surface that it crosses within a frame. The double pendulum then penetrates by 0.1 m
     /// instead of 0.01 m.
     pub steps: usize,
-    /// Restitution of every contact, 0 to 1. Default 0. It replaces the damping of the compliant contact model.
+    /// Restitution of every contact, 0 to 1. Default 0. The restitution replaces the damping of the compliant contact
+    /// model.
     pub restitution: f64,
     /// Whether a floating robot's frame is stepped in the axes of its root at the start of the frame. Default no.
     /// rapier's friction acts along two axes of its world, so the result depends on the robot's heading. On the Ant,

@@ -98,8 +98,8 @@ impl Field {
         Self::of([cell; 2], nodes, heights, None)
     }
 
-    /// A block centred at the origin, with heights (m) `[x][y]` at nodes `cell` (m) apart along x and y. Its bottom is
-    /// `base` (m) below height 0.
+    /// A block centred at the origin, with heights (m) `[x][y]` at nodes `cell` (m) apart along x and y. The bottom of
+    /// the block is `base` (m) below height 0.
     ///
     /// # Errors
     /// Under the conditions of [`Field::new`], or if an axis has fewer than two nodes.
@@ -190,7 +190,7 @@ impl Field {
         [0, 1].map(|k| 0.5 * (self.nodes[k] - 1) as f64 * self.cell[k])
     }
 
-    /// Height (m) at (x, y), and its slope along x and y. Beyond the edge of a block, the values at the edge.
+    /// Height (m) at (x, y), and its slope along x and y. Beyond the edge of a block, returns the values at the edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let ([i, p], a) = self.cell_of(0, x);
         let ([j, q], b) = self.cell_of(1, y);

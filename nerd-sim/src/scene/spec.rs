@@ -30,7 +30,7 @@ pub struct Material {
     #[serde(default, skip_serializing_if = "is_zero")]
     pub margin: f64,
     /// Time constant (s) of resolving a penetration: while separating, the damping (N s/m) is the stiffness times this
-    /// time. With 0, as in the reference simulator, a body that starts in penetration is thrown out.
+    /// time. With a time of 0, as in the reference simulator, a body that starts in penetration is thrown out.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub release: f64,
 }

@@ -89,7 +89,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
-    // Copy in place: others may hold a pointer to this memory (nerd-py's arrays).
+    // Copy in place, since nerd-py's arrays may point to this memory.
     batch.states.copy_from_slice(next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
     if faults.is_empty() {

@@ -134,7 +134,7 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
             |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
         robot.contact_points = listed.into_iter().map(|p| p.clone().on(surface(&p))).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
-        // Nothing to touch: without contact points the solver skips contact.
+        // The robot has nothing to touch; without contact points the solver skips contact.
         robot.contact_points.clear();
     }
 }

@@ -23,7 +23,7 @@ impl Spec {
         Ok(like.then_some(own))
     }
 
-    /// This specification with the keys of `own` in place of its own. Material and joints (found by name) are replaced
+    /// This specification, with its keys replaced by those of `own`. Material and joints (found by name) are replaced
     /// key by key, scenes by name, all other keys as a whole.
     pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
         if own.is_empty() {

@@ -135,7 +135,7 @@ pub struct ControlSpec {
     #[serde(default)]
     pub stable_pd: bool,
     /// Whether the law acts inside the frame, like the inner loop of a servo, with solvers that have drives
-    /// ([`crate::drive`]). With other solvers `stable_pd` applies.
+    /// ([`crate::drive`]). Solvers without drives use the law as `stable_pd` sets it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub servo: bool,
     /// If given, training data uses this law, with random actions and with gains drawn every frame.

@@ -39,7 +39,7 @@ const MAX_EFFORT_RATIO: f64 = 20.0;
 const FULL_EFFORT_ERROR: f64 = 1.0;
 /// Ratio of damping to stiffness (s) of the position law that [`FULL_EFFORT_ERROR`] defines.
 const DAMPING_TIME: f64 = 0.025;
-/// Largest number of contact points that are all kept. More are replaced by a few with the same support.
+/// Largest number of contact points that are all kept. More points are replaced by a few points with the same support.
 const MAX_KEPT_POINTS: usize = 24;
 /// Largest joint velocity (rad/s or m/s) at starts, or half the URDF's velocity limit if that is less.
 const MAX_START_VELOCITY: f64 = 3.0;

@@ -2,8 +2,8 @@
 
 use crate::{internal::*, scene::foot};
 
-/// Least distance that legs reach below all other links, as a share of the robot's height. Also the least length of a
-/// leg, as opposed to a toe, as a share of the longest limb.
+/// Least distance that legs reach below all other links, as a share of the robot's height. The same share of the
+/// longest limb is the least length of a leg, as opposed to a toe.
 const MIN_LEG_SHARE: f64 = 0.2;
 /// Largest height of a leg's end above the lowest point, as a share of the longest limb.
 const MAX_LEG_END_HEIGHT: f64 = 0.3;

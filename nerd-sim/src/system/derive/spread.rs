@@ -95,9 +95,9 @@ pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &
 }
 
 /// Replaces many contact points by a few, since each is an input of the network. Also returns for each link the
-/// additional penetration (m) that this allows. Corners and vertices become a few points, each the deepest of its
-/// cluster, so that no possible lowest point is lost. Round shapes stay round, unless other shapes of the link reach as
-/// far in every direction. Points on the lower corners at `state` get separate clusters.
+/// additional penetration (m) that the fewer points allow. Corners and vertices become a few points, each the deepest
+/// of its cluster, so that no possible lowest point is lost. Round shapes stay round, unless other shapes of the link
+/// reach as far in every direction. Points on the lower corners at `state` get separate clusters.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
