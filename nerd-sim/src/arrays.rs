@@ -14,13 +14,13 @@ pub(crate) struct Arrays {
     arrays: BTreeMap<String, Array>,
     /// For each column: array name, numbers per row, index of the component.
     columns: Vec<(String, usize, usize)>,
-    /// Number of trajectories, where the arrays have that axis, and rows of each trajectory.
+    /// Number of trajectories, if the arrays have a trajectory axis, and number of rows of each trajectory.
     shape: (Option<usize>, usize),
 }
 
 struct Array {
     shape: Vec<usize>,
-    /// Bytes per number, and the decoder.
+    /// Bytes per number, and the function that decodes a number from its bytes.
     kind: (usize, fn(&[u8]) -> f64),
     bytes: Vec<u8>,
 }

@@ -31,14 +31,14 @@ pub struct Batch {
     pub states: Vec<f64>,
     /// Scene of each environment.
     pub scenes: Vec<Arc<Scene>>,
-    /// Frames stepped since each environment's reset; errors name them.
+    /// Number of frames stepped since each environment's reset; errors name this number.
     pub frames: Vec<u64>,
     /// Drives `[env][joint]`; their torques add to the torques of a frame; empty: none. Only for solvers with this
     /// capability ([`crate::solver::Capabilities`]).
     pub drives: Vec<Drive>,
-    /// Whether the torques of a frame come from the robots' position laws, evaluated at its start. The laws then act as
-    /// drives inside the frame, within their torque limits. `drives` is then empty. Only for solvers with drives:
-    /// [`crate::solver::Simulation::serve`].
+    /// Whether the torques of a frame come from the robots' position laws, evaluated at the frame's start. The laws
+    /// then act as drives inside the frame, within their torque limits. `drives` is then empty. Only for solvers with
+    /// drives: [`crate::solver::Simulation::serve`].
     pub servo: bool,
     /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty where the
     /// solver reports no forces. Per link: [`Batch::contact_force`].
@@ -75,7 +75,7 @@ impl Batch {
         self.systems.get(env).unwrap_or(&self.system)
     }
 
-    /// Refuses a batch with fields of inconsistent length; the fields are public.
+    /// Refuses a batch whose public fields have inconsistent lengths.
     pub fn check(&self) -> Result<(), String> {
         let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
         let (joints, points) = (self.system.robot.joint_count(), self.system.robot.contact_points.len());
@@ -119,8 +119,8 @@ impl Batch {
         self.forces = vec![Vector3::zeros(); self.len() * self.system.robot.contact_points.len()];
     }
 
-    /// Mean forces (N) on the contact points of an environment in the last frame, in order of the points, world axes;
-    /// empty where the solver reports no forces ([`crate::solver::Capabilities`]).
+    /// Mean forces (N, world axes) on the contact points of an environment in the last frame, in order of the points.
+    /// Empty where the solver reports no forces ([`crate::solver::Capabilities`]).
     pub fn forces_on(&self, env: usize) -> &[Vector3<f64>] {
         let points = if self.forces.is_empty() { 0 } else { self.system.robot.contact_points.len() };
         &self.forces[env * points..(env + 1) * points]
@@ -158,8 +158,8 @@ impl Batch {
         Ok([self.state(env)[at.q], self.state(env)[nq + at.qd]])
     }
 
-    /// Sets position and velocity of a joint. Beyond the joint's limits the limit pushes back. In a running simulation,
-    /// also call [`crate::solver::Solver::reset`].
+    /// Sets position and velocity of a joint. From a position beyond a joint limit, the limit's spring pushes back. In
+    /// a running simulation, also call [`crate::solver::Solver::reset`].
     pub fn set_joint(&mut self, env: usize, name: &str, [position, velocity]: [f64; 2]) -> Result<(), UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
         let state = self.state_mut(env);

@@ -10,11 +10,12 @@ pub struct Controller {
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; zero without a PD law.
     pub gains: Vec<[f64; 2]>,
     /// Whether the law acts inside the frame ([`crate::solver::Simulation::serve`]). [`Controller::torques`] then
-    /// returns the torques at its start, without torque limits.
+    /// returns the torques at the frame's start, without torque limits.
     pub servo: bool,
     stable_pd: Option<StablePd>,
     wraps: Vec<bool>,
-    /// Position error and velocity by joint, at the present state or predicted for the end of the frame.
+    /// Position error (rad or m) and velocity (rad/s or m/s) by joint, at the present state or predicted for the end of
+    /// the frame.
     gaps: Vec<[f64; 2]>,
 }
 
@@ -44,9 +45,10 @@ impl Controller {
 
     /// Torques (N m or N), one per joint, for an action at a state `[q, qd]`.
     ///
-    /// Without `[control]`: `gain clamp(a)`. With `[control]`: `kp (target - q) - kd qd`. The target is the default
-    /// pose (with `relative`: the present pose) plus `scale a`. With `clamp` the torque stays within the gain. Toward a
-    /// default pose, a joint without limits takes the shorter direction.
+    /// Without `[control]`, the torque is `gain clamp(a)` for action a. With `[control]`, the torque is
+    /// `kp (target - q) - kd qd`. The target is the default pose (with `relative`: the present pose) plus `scale a`.
+    /// With `clamp` the torque stays within the gain. Toward a default pose, a joint without limits takes the shorter
+    /// direction.
     ///
     /// A torque held constant over a frame h makes a stiff law unstable in any solver (`kp > 4 I / h^2`). With
     /// `stable_pd` the law acts on the predicted state at the end of the frame: linearised, without contact. This law
@@ -57,8 +59,8 @@ impl Controller {
     /// tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)
     /// ```
     ///
-    /// Its effective stiffness is limited by the frame time, most on light links. A servo that acts inside the frame
-    /// has no such limit.
+    /// The frame time limits the effective stiffness of this law, most on light links. A servo that acts inside the
+    /// frame has no such limit.
     ///
     /// # Panics
     /// If `state`, `action` or `out` have other sizes than the system.
@@ -79,7 +81,7 @@ impl Controller {
     /// `stable_pd`, mass matrix and bias forces count as constants.
     ///
     /// # Panics
-    /// As [`Self::torques`].
+    /// Under the same conditions as [`Self::torques`].
     pub fn back(&mut self, state: &[f64], action: &[f64], by: &[f64], by_state: &mut [f64], by_action: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -111,8 +113,8 @@ impl Controller {
         }
     }
 
-    /// Computes position errors and velocities of the joints. Returns whether they are predicted for the end of the
-    /// frame.
+    /// Computes position errors and velocities of the joints. Returns whether errors and velocities are predicted for
+    /// the end of the frame.
     fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
         let Self { system, gains, servo, stable_pd, wraps, gaps } = self;
         let (robot, h) = (&system.robot, system.frame_time);

@@ -19,11 +19,12 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::{internal::*, sampling::normal, scene::up};
 
-/// First blocks of an episode's pushes and noise in its stream, far behind the start of the stream.
+/// First block of an episode's pushes in the episode's random stream; `NOISES`: of its sensor noise. Both lie far
+/// behind the start of the stream.
 pub(crate) const PUSHES: u64 = 1 << 40;
 pub(crate) const NOISES: u64 = 2 << 40;
 const WORDS_PER_BLOCK: u128 = 16;
-/// Words per drawn number.
+/// Number of 32-bit words that a drawn number takes from the stream.
 const WORDS_PER_NUMBER: usize = 2;
 
 /// Frames from one push to the next; `None` without pushes.
@@ -40,8 +41,8 @@ pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
     [one, up.cross(&one)]
 }
 
-/// Blocks of a frame's noise: two draws for each component of the root's four vectors and for each joint's position and
-/// velocity.
+/// Number of stream blocks that a frame's noise takes. Each component of the root's four vectors takes two draws, and
+/// so does each joint's position and velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
     ((24 + 4 * system.robot.joint_count()) * WORDS_PER_NUMBER).div_ceil(WORDS_PER_BLOCK as usize) as u64
 }

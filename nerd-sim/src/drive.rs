@@ -46,7 +46,7 @@ impl Default for Drive {
 }
 
 impl Drive {
-    /// Least and largest torque of the drive at joint velocity `qd`.
+    /// Least and largest torque (N m or N) of the drive at joint velocity `qd` (rad/s or m/s).
     pub fn bounds(&self, joint: &Joint, qd: f64) -> [f64; 2] {
         let most = |beyond: bool| if beyond { 0.0 } else { self.effort };
         [-most(qd < -joint.velocity), most(qd > joint.velocity)]
@@ -61,12 +61,13 @@ impl Drive {
     }
 }
 
-/// Drives that hold the joints of a robot at their positions in `state`, one per joint. They serve a URDF without
-/// gains.
+/// Drives that hold the joints of a robot at their positions in `state`, one per joint. These drives serve robots whose
+/// URDF states no gains.
 ///
-/// For mass m and extent L (m, lowest to highest contact point): `kp = m g L` on hinges, `kp = 20 m g / L` on slides,
-/// `kd = kp / 20`. A hinge then carries the robot's weight on a lever of length L with an error of 1 rad. For a slide
-/// the error is L / 20. Legged robots stand with these gains. Efforts are the URDF's. Without gravity, g is Earth's.
+/// The robot has mass m (kg) and extent L (m) from lowest to highest contact point. Then `kp = m g L` on hinges,
+/// `kp = 20 m g / L` on slides, and `kd = kp / 20`. A hinge then carries the robot's weight on a lever of length L with
+/// an error of 1 rad. For a slide the error is L / 20. Legged robots stand with these gains. Torque limits are the
+/// efforts of the URDF. Without gravity, g is Earth's.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
     let (up, points) = (up(&system.gravity()), points(robot, state));

@@ -1,5 +1,5 @@
-//! Wrappers around a solver that time, record or disturb it, and two solvers without physics. Each is itself a
-//! [`Solver`], so it can replace a solver anywhere.
+//! Wrappers around a solver that time, record or disturb it, and two solvers without physics. Each wrapper is itself a
+//! [`Solver`], so a wrapper can replace a solver anywhere.
 //!
 //! ```
 //! use nerd_sim::instruments::{Recorder, Replay, Shaken, Timed};
@@ -34,7 +34,7 @@ use crate::{internal::*, sampling::normal};
 pub struct Timed<S = Box<dyn Solver>> {
     /// The wrapped solver.
     pub solver: S,
-    /// Time that frames have taken; set it to zero to restart.
+    /// Wall time that frames have taken; set this to zero to restart.
     pub spent: Duration,
 }
 

@@ -1,8 +1,9 @@
 //! Writes a system in a scene as MJCF, MuJoCo's model format, with the same bodies, joints and shapes to the last
 //! digit.
 //!
-//! Joint limits match our spring and damper (see `limit`). Contacts have the friction of the pair and MuJoCo's default
-//! softness, or match our contact model as far as MuJoCo allows. Shapes that would need a mesh are refused.
+//! Joint limits match this crate's spring and damper (see `limit`). Contacts have the pair's friction and MuJoCo's
+//! default softness, or match this crate's contact model as far as MuJoCo allows. Shapes that would need a mesh are
+//! refused.
 
 pub use crate::system::mjcf::is_mjcf;
 
@@ -48,7 +49,7 @@ pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, 
 }
 
 /// As [`mjcf`], with position actuators (control: the target) where the robot's law acts inside a frame. Contacts match
-/// our stiffness, damping and drag in this scene. All colliders must have one material.
+/// this crate's stiffness, damping and tangential damping. All colliders must have one material.
 pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
     let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));
@@ -122,7 +123,7 @@ fn expressible(robot: &Robot) -> Result<(), MjcfError> {
     Ok(())
 }
 
-/// Geom `k` of a scene, with `friction` unless contacts are by pair. `ours`: with our contact's softness.
+/// Geom `k` of a scene. `friction`: `None` if contacts are by pair. `ours`: whether with this crate's softness.
 fn scene_geom(
     scene: &Scene,
     k: usize,
@@ -133,7 +134,7 @@ fn scene_geom(
     let (kind, size, place) = geom(collider).ok_or_else(|| {
         MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
     })?;
-    // With this weight the robot's geoms alone determine the softness of a contact.
+    // With this small `solmix`, the robot's geoms alone determine the softness of a contact.
     let mix = if ours { " solmix=\"1e-9\"" } else { "" };
     // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's geoms have none.
     let meets = match friction {
@@ -291,7 +292,7 @@ impl Own<'_> {
     }
 }
 
-/// `place` is the pose of the joint frame in its body; `weight` the inverse inertia of the joint.
+/// Writes a joint. `place`: pose of the joint frame in its body; `weight`: inverse inertia (1/kg or 1/(kg m^2)).
 fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     let kind = if joint.kind == JointKind::Prismatic { "slide" } else { "hinge" };
     let axis = if *place == Isometry3::identity() {
@@ -327,11 +328,10 @@ fn actuator(joint: &Joint, drive: &Drive) -> String {
     )
 }
 
-/// Writes a limit of stiffness k and damping d, which beyond an end applies `-k r - d v`. MuJoCo applies
-/// `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`, in accelerations. At the smallest impedance,
+/// Writes a limit of stiffness k and damping d, which applies `-k r - d v` at excess r (rad or m) and rate v. MuJoCo
+/// applies `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`, in accelerations. At the smallest impedance,
 /// `R = A / 1e-4` outweighs A and a_0. Then `k' = k A` and `b = d A` match ours to 1e-4, but MuJoCo's limit never
-/// pulls. The force is then as explicit as ours: a limit too stiff for one substep is unstable, where MuJoCo's default
-/// limits would be stable.
+/// pulls. The force is then explicit: a limit too stiff for one substep is unstable, unlike MuJoCo's default limits.
 fn limit(limit: &Limit, weight: f64) -> String {
     if limit.stiffness <= 0.0 {
         return "limited=\"false\"".into();

@@ -18,7 +18,7 @@ pub fn normal(rng: &mut impl Rng) -> f64 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }
 
-/// A direction uniform in a cube, then normalised: denser toward the cube's corners.
+/// A unit vector: a point drawn uniformly in a cube, then normalised. Directions are denser toward the cube's corners.
 pub(crate) fn direction(rng: &mut impl Rng) -> Vector3<f64> {
     let mut side = || 2.0 * rng.random::<f64>() - 1.0;
     loop {

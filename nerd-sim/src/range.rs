@@ -16,7 +16,7 @@ pub struct Range {
 }
 
 impl Range {
-    /// One draw.
+    /// Draws a number from the range.
     pub fn draw(&self, rng: &mut impl Rng) -> f64 {
         self.low + (self.high - self.low) * rng.random::<f64>()
     }

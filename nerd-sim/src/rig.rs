@@ -21,16 +21,17 @@ use nerd_core::state::wrap_state;
 pub use crate::system::motors::{LATEST, Motors};
 use crate::{internal::*, solver::around, vary::VarySpec};
 
-/// Frames of torques in memory, including the present frame.
+/// Number of frames whose commanded torques are stored, including the present frame.
 const FRAMES: usize = LATEST as usize + 1;
 
 /// Steps robots with their actuators and sensors, around a solver without a model of them. With a delay, the next frame
-/// depends on torques of the last frames. Before a start and for missing frames these torques are zero.
+/// depends on commanded torques of earlier frames. Commanded torques count as zero before a start and for missing
+/// frames.
 pub struct Rig<S = Box<dyn Solver>> {
     solver: S,
-    /// Robot of the batch, then of each environment, each with its copy without motors.
+    /// Pairs of a robot and its copy without motors: for the batch's robot, then for the robot of each environment.
     bare: Vec<[Arc<System>; 2]>,
-    /// Commanded torques `[env][FRAMES][joint]`, newest first; and the frame of the newest.
+    /// Commanded torques `[env][FRAMES][joint]`, newest first; `newest`: frame number of the newest torques, `[env]`.
     asked: Vec<f64>,
     newest: Vec<u64>,
     torques: Vec<f64>,
@@ -47,7 +48,7 @@ impl<S: Solver> Rig<S> {
         Self { solver, bare: Vec::new(), asked: Vec::new(), newest: Vec::new(), torques: Vec::new() }
     }
 
-    /// The robot without its motors; `k` is its place in `bare`.
+    /// The robot without its motors; `k`: index of the robot in `bare`.
     fn stripped(&mut self, k: usize, system: &Arc<System>) -> Arc<System> {
         if let Some([_, bare]) = self.bare.get(k).filter(|[own, _]| Arc::ptr_eq(own, system)) {
             return bare.clone();

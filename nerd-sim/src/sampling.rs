@@ -13,19 +13,19 @@ use crate::{internal::*, random::direction};
 /// after its system was made may have no clear start.
 const MAX_START_ROUNDS: usize = 100;
 
-/// Draws a start `[q, qd]`. A floating root is drawn in body axes about its default pose, until it is clear of the
-/// scene if required.
+/// Draws a start `[q, qd]`. A floating root is drawn in body axes about its default pose. If the specification requires
+/// clearance, draws are repeated until the robot is clear of the scene.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     (0..MAX_START_ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
-/// Ratio of the largest velocities of [`hurry`] to the largest of the reset law: for the Ant up to 6 m/s and 16 rad/s,
-/// near the speeds of its policies.
+/// Ratio of the largest velocities of [`hurry`] to the largest velocities in the specification's `reset` ranges. For
+/// the Ant this gives up to 6 m/s and 16 rad/s, near the speeds of its policies.
 pub const FASTEST: f64 = 64.0;
 
-/// Replaces the velocities of a start; the pose is kept. Each velocity is uniform within a common share, drawn from
-/// U(0, 1), of its maximum. The maximum is [`FASTEST`] times the largest velocity of the reset law, but at least the
-/// largest of the data's law.
+/// Replaces the velocities of a start; the pose is kept. One share, drawn from U(0, 1), is common to all velocities.
+/// Each velocity is uniform between plus and minus this share of its maximum. The maximum is [`FASTEST`] times the
+/// largest velocity of the `reset` range, but at least the largest of the `sample` range.
 pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let (robot, spec) = (&system.robot, &system.spec);
     let (nq, rates) = (robot.nq(), robot.nq() + robot.root_dofs());
@@ -34,7 +34,7 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let mut even =
         |reset: f64, sample: &Range| share * (FASTEST * reset).max(largest(sample)) * (2.0 * rng.random::<f64>() - 1.0);
     if let Some(root) = &spec.root {
-        // A root without a reset law starts with the data's law, which is already wide.
+        // A root without `reset` ranges starts from its `sample` ranges, which are already wide.
         let of = |ranges: fn(&RootStart) -> &[Range; 3], i: usize| {
             root.reset.as_ref().map_or(0.0, |r| largest(&ranges(r)[i]))
         };
@@ -50,11 +50,12 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     }
 }
 
-/// The scene of a random trajectory that starts at `state`: the system's data scene, else a random plane if the system
-/// has such a law, else empty. Random pegs are added if the system has them.
+/// The scene of a random trajectory that starts at `state`. It is the system's data scene, else a random plane if the
+/// specification has one, else empty. Random pegs are added if the specification has them.
 ///
-/// Random plane: normal n uniform in a cube, then normalised; offset `U(n . root - reach, min_i n . p_i - clearance)`
-/// over the contact points p_i of the start. So the robot starts clear of the plane, and of the pegs.
+/// The normal n of a random plane is drawn uniformly in a cube, then normalised. The offset (m) is
+/// `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the start. The robot thus starts
+/// clear of the plane. Pegs, too, are drawn clear of the robot.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
     if let (Some(scene), None) = (&own, &system.spec.random_pegs) {
@@ -72,7 +73,7 @@ pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     Arc::new(scene)
 }
 
-/// Draws after which a peg is left out.
+/// Number of draws of a peg; if none is clear of the robot's start, the peg is left out.
 const MAX_PEG_DRAWS: usize = 20;
 
 fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl Rng) -> Vec<Collider> {

@@ -24,7 +24,7 @@ enum Source {
 }
 
 impl Table {
-    /// Opens a CSV, or by the file extension arrays with the columns `wanted`.
+    /// Opens a CSV or, decided by the file extension, a file of arrays with the columns `wanted`.
     pub fn of(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         if !Arrays::named(path) {
             return Self::open(path);
@@ -33,7 +33,7 @@ impl Table {
         Ok(Self { path: path.into(), names, source })
     }
 
-    /// Opens a CSV. Its first line determines the delimiter: commas, else semicolons or tabs.
+    /// Opens a CSV. The first line of the file determines the delimiter: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
         crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;
@@ -88,7 +88,7 @@ impl Table {
 pub(crate) struct Place {
     /// Line of a text file, from 1; row of an array, from 0.
     line: u64,
-    /// For arrays, the trajectory where the arrays have that axis; `None` for text files.
+    /// `None` for text files; for arrays, the trajectory, if the arrays have a trajectory axis.
     of: Option<Option<u64>>,
 }
 
@@ -137,7 +137,7 @@ impl Row<'_> {
         }
     }
 
-    /// The trajectory, for arrays with that axis.
+    /// Trajectory of this row, if the file holds arrays with a trajectory axis.
     pub fn trajectory(&self) -> Option<u64> {
         self.place.of.flatten()
     }

@@ -8,7 +8,7 @@ pub use crate::system::truth::{RECORDED, Truth};
 use crate::{internal::*, rig::rigged};
 
 impl Truth {
-    /// The solver, wrapped in an actuator and sensor model if the robot's `[vary]` has ranges for it.
+    /// The solver, wrapped in an actuator and sensor model if the robot's `[vary]` has ranges for actuators or sensors.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         rigged(self.bare(system), system)
     }

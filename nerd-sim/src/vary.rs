@@ -18,7 +18,7 @@ use crate::system::motors::Motors;
 pub use crate::system::vary::VarySpec;
 
 /// A system with parameters drawn from the ranges of its `[vary]`, and the drawn numbers in the order of [`columns`].
-/// Without `[vary]`: the same system, and no numbers.
+/// Without `[vary]`, returns the same system and no numbers.
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
     let varied = varied(system, &mut |what| what.range.draw(rng));
     varied.map_or_else(|| (system.clone(), Vec::new()), |(own, drawn)| (Arc::new(own), drawn))
@@ -42,8 +42,8 @@ struct Drawn<'a> {
     nominal: f64,
 }
 
-/// Parameters that a model may be conditioned on: all drawn numbers except torque ripple, which analytic solvers do not
-/// receive either, and the delay of observations.
+/// Parameters that a model may be conditioned on: all drawn numbers except torque ripple and the delay of observations.
+/// Analytic solvers do not receive ripple either.
 #[derive(Clone, Debug, Default)]
 pub struct Told(Vec<(usize, Range, f64)>);
 
@@ -64,7 +64,8 @@ impl Told {
         self.0.len()
     }
 
-    /// Each parameter, mapped from its range to [-1, 1]. With `drawn` empty the nominal values, which may lie outside.
+    /// Each parameter, mapped from its range to [-1, 1]. If `drawn` is empty, the nominal values are mapped, which may
+    /// give numbers outside.
     pub fn numbers<'a>(&'a self, drawn: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|(k, Range { low, high }, nominal)| {
             let value = drawn.get(*k).unwrap_or(nominal);
@@ -116,7 +117,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     Some((own, drawn))
 }
 
-/// Draws a number: name of the range, link or joint, range, nominal value; `None` without a range.
+/// Draws a number; arguments: name of the range, name of link or joint, range, nominal value. `None` without a range.
 type Take<'a> = dyn FnMut(&str, &str, &Option<Range>, f64) -> Option<f64> + 'a;
 
 fn varied_link(link: &mut Link, vary: &VarySpec, take: &mut Take) {
@@ -148,8 +149,8 @@ fn varied_contact(own: &mut System, vary: &VarySpec, take: &mut Take) {
     own.one_friction = friction.or(own.one_friction);
 }
 
-/// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without `[vary]`
-/// all share one robot.
+/// A batch of `n` environments in the scene named `scene`, with parameters drawn for each environment. Without
+/// `[vary]`, all environments share one robot.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {

@@ -1,7 +1,7 @@
-//! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts. `S' = A S + P`, with
-//! a frame's Jacobians A (previous state) and P (parameters). Descent (Levenberg-Marquardt within bounds) goes from
-//! short to long rollouts: over a few frames the objective is smooth, and its minimum lies in the valley of long
-//! rollouts.
+//! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts. The sensitivity S of
+//! the state follows `S' = A S + P`, with a frame's Jacobians A (previous state) and P (parameters). Descent
+//! (Levenberg-Marquardt within bounds) goes from short to long rollouts. Over a few frames the objective is smooth, and
+//! its minimum lies near the minimum over long rollouts.
 
 use std::ops::AddAssign;
 
@@ -16,12 +16,12 @@ use crate::{log::turned, prelude::*};
 
 /// Step of the scaled parameters for central differences of starts.
 const DIFFERENCE_STEP: f64 = 1e-5;
-/// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight: after a
+/// Norm of the sensitivity (units per unit change of all scaled parameters) that halves a frame's weight. After a
 /// chaotic bounce, frames carry no information.
 const HALVING_SENSITIVITY: f64 = 150.0;
-/// Largest sensitivity of a rollout; it ends there to avoid overflow.
+/// Largest sensitivity of a rollout; beyond it the rollout ends, to avoid overflow.
 const MAX_SENSITIVITY: f64 = 1e9;
-/// Differences below this many units count quadratically.
+/// Differences from the measurement below this many units (nominal distances) count quadratically.
 const QUADRATIC_RANGE: f64 = 0.1;
 
 /// Gradient of the objective with respect to the scaled parameters (0 to 1 between their bounds), and its Gauss-Newton
@@ -36,8 +36,8 @@ impl Bent {
         Self { gradient: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
     }
 
-    /// Adds a difference (normalised by `unit`) and its sensitivities. Like the objective, it adds nothing without a
-    /// unit.
+    /// Adds a difference (normalised by `unit`) and its sensitivities. A part without a unit adds nothing, as in the
+    /// objective.
     fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
         if !unit.is_normal() {
             return;
@@ -88,12 +88,13 @@ impl Subject {
 struct Point<'a> {
     own: Subject,
     parameters: &'a [Parameter],
-    /// Change of each value, and of the frame's numbers, per change of the scaled parameter.
+    /// Derivative of each parameter's value with respect to its scaled parameter; `by`: of the numbers of robot and
+    /// scene.
     by_place: Vec<f64>,
     by: DMatrix<f64>,
-    /// The subject to both sides of each parameter's value.
+    /// For each parameter, the subject with a slightly smaller and a slightly larger value.
     sides: Vec<[Subject; 2]>,
-    /// Units of the distance's parts.
+    /// Nominal distances of position (m), rotation (rad) and joints (rad or m), which normalise differences.
     unit: [f64; 3],
     identity: Vec<f64>,
 }
@@ -158,7 +159,7 @@ impl<'a> Point<'a> {
         Some(bent)
     }
 
-    /// Sensitivities of a trial's start, one column a parameter.
+    /// Sensitivities of a trial's start state, with one column per parameter.
     fn start(&self, trial: &Trial, data: &mut Data) -> DMatrix<f64> {
         let robot = &self.own.system.robot;
         let mut s = DMatrix::zeros(2 * robot.nv(), self.parameters.len());
@@ -176,7 +177,8 @@ impl<'a> Point<'a> {
         for (k, parameter) in self.parameters.iter().enumerate() {
             let change = match parameter.what {
                 What::Delay => {
-                    // Between two frames; at a whole number of frames, the derivative toward smaller delays.
+                    // The torque is linear in the delay between whole frames; at a whole frame, take the derivative
+                    // toward smaller delays.
                     let last = (own.delay.ceil() as usize).clamp(1, asked.len() - 1);
                     let ways = asked[last].iter().zip(asked[last - 1]).zip(&own.strength);
                     let later = ways.map(|((before, now), factor)| (before - now) * factor);
@@ -209,13 +211,14 @@ impl<'a> Point<'a> {
     }
 }
 
-/// Initial and least damping.
+/// Initial and least damping of a Levenberg-Marquardt step, as a share of the curvature.
 const DAMPING: [f64; 2] = [1e-2, 1e-4];
 /// Share of the mean curvature that is added, times the damping, to all parameters, including those without curvature.
 const RIDGE: f64 = 0.01;
 /// Longest step, in scaled parameters.
 const MAX_STEP: f64 = 0.2;
-/// Least relative gain of a round for another one to follow, and maximum number of rounds.
+/// Least relative decrease of the objective in a round for another round to follow; `MAX_ROUNDS`: maximum number of
+/// rounds.
 const MIN_GAIN: f64 = 0.001;
 const MAX_ROUNDS: usize = 12;
 
@@ -238,8 +241,8 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
     Some(parameters.iter().zip(&x).zip(step.iter()).map(|((p, x), s)| p.at(x - cut * s)).collect())
 }
 
-/// Descends from `values` while the objective improves and the budget allows. Returns the objective there; `None`
-/// without gradients.
+/// Descends from `values` while the objective improves and the budget allows. Returns the objective at the final
+/// `values`; `None` without gradients.
 pub(super) fn descend(
     parameters: &[Parameter],
     values: &mut Vec<f64>,

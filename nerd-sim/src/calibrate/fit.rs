@@ -11,8 +11,8 @@ use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
-/// Settings of a fit. Both methods go from coarse to fine. The two coarse searches in the first half of the budget use
-/// a quarter of the trials. So do all stages of a descent but the last.
+/// Settings of a fit. Search (CMA-ES) and descent both go from coarse to fine. The two coarse searches in the first
+/// half of the budget use a quarter of the trials. All stages of a descent but the last use a quarter, too.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
     /// Budget in evaluations of the objective. An evaluation of a search counts 1, one of a descent by its share of
@@ -78,7 +78,7 @@ struct Search<'a> {
     parameters: &'a [Parameter],
     trials: &'a [Trial],
     unit: Distance,
-    /// Cost of an evaluation, and total cost so far.
+    /// Cost of an evaluation, relative to one over all trials and frames; `spent`: total cost so far.
     share: f64,
     spent: &'a Cell<f64>,
 }

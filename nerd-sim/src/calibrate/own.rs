@@ -24,7 +24,7 @@ impl Subject {
     /// receives evaluations done and the best objective so far.
     ///
     /// # Errors
-    /// As [`Subject::fit`]; also for a solver without gradients.
+    /// Under the conditions of [`Subject::fit`], and for a solver without gradients.
     pub fn fit_own(
         &self,
         [shared, own]: [&[Parameter]; 2],
@@ -69,7 +69,7 @@ impl Subject {
         let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &split.part(&values, k))?.distances(&of(id)));
         let (before, mut after) =
             (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
-        // Keep the fit only if it is no worse on all its trials than nominal parameters.
+        // Keep the fitted values only if their objective over all trials is no larger than with nominal parameters.
         let kept = objective(&after, &before);
         if !kept.is_finite() || kept > objective(&before, &before) {
             values = all.iter().map(|p| p.nominal).collect();
@@ -81,7 +81,7 @@ impl Subject {
         Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, gradients: true }, own })
     }
 
-    /// Objective of all groups of trials (`seen` in all), one a trajectory, at `values` of all parameters.
+    /// Objective at `values` of all parameters. `groups`: trials of each trajectory; `seen`: total number of trials.
     fn worth_of(
         &self,
         pair: &[Parameter],
@@ -122,7 +122,8 @@ impl Subject {
     }
 }
 
-/// Numbers of shared parameters, and of each trajectory's own, which follow one trajectory after the other.
+/// Number of shared parameters, and number of individual parameters per trajectory. In a list of all parameters the
+/// shared ones come first, then those of one trajectory after the other.
 #[derive(Clone, Copy)]
 struct Split {
     shared: usize,
@@ -135,7 +136,7 @@ impl Split {
         (0..self.shared).chain(self.shared + k * self.own..self.shared + (k + 1) * self.own)
     }
 
-    /// Values of these parameters.
+    /// Values of the k-th trajectory's parameters (shared, then individual).
     fn part(self, values: &[f64], k: usize) -> Vec<f64> {
         self.places(k).map(|i| values[i]).collect()
     }

@@ -56,7 +56,7 @@ pub struct Parameter {
     pub low: f64,
     /// Upper bound.
     pub high: f64,
-    /// Value without a fit.
+    /// Nominal value, which holds without a fit.
     pub nominal: f64,
     /// Whether the parameter is scaled by its logarithm.
     pub logarithmic: bool,
@@ -152,14 +152,14 @@ impl Parameter {
                 (What::Zero(k), 0.0, -most, most, false, unit)
             }
             "strength" => ratio(What::Strength(joint()?.0), 1.0, 1.5, "1"),
-            // Up to damping that stops a tenth of mass x size^2 within a fiftieth of a second.
+            // Upper bound: damping that stops a tenth of mass x size^2 (kg m^2) within 0.02 s.
             "joint-damping" => joint().map(|(k, j)| {
                 braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad")
             })?,
-            // Up to friction that holds a tenth of the robot's weight on Earth on a lever of its size.
+            // Upper bound: friction that holds a tenth of the robot's weight on Earth on a lever of the robot's size.
             "joint-friction" => joint()
                 .map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?,
-            // Up to a hundredth of mass x size^2.
+            // Upper bound: a hundredth of mass x size^2 (kg m^2).
             "armature" => joint()
                 .map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),

@@ -44,7 +44,7 @@ impl Engine {
     }
 }
 
-/// Sets a number of a link or joint; other parameters leave the robot as it is.
+/// Sets a number of a link or joint; parameters of other kinds leave the robot as it is.
 fn set_robot(system: &mut System, what: What, value: f64) {
     let robot = &mut system.robot;
     match what {
@@ -83,7 +83,7 @@ fn set_robot(system: &mut System, what: What, value: f64) {
 pub struct Subject {
     /// The robot.
     pub system: Arc<System>,
-    /// Name resolved to the scene of the robot.
+    /// The scene in which the robot moves.
     pub scene: Arc<Scene>,
     /// Solver and settings.
     pub engine: Engine,
@@ -143,8 +143,8 @@ impl Subject {
         Ok(out)
     }
 
-    /// Sets a number of the robot's material, and of the scene's material if it has one, since a pair acts with their
-    /// mean.
+    /// Sets a number of the robot's material, and of the scene's material if the scene states one. Both are set, since
+    /// a contact has the mean of both materials.
     fn set_material(&self, system: &mut System, what: What, value: f64) {
         let own =
             system.spec.scenes.iter_mut().filter(|s| s.name == self.scene.name).filter_map(|s| s.material.as_mut());
@@ -156,7 +156,7 @@ impl Subject {
                 _ => {}
             }
         }
-        // Also replaces friction coefficients that the robot's file sets for pairs.
+        // The value also replaces friction coefficients that the robot's file sets for pairs of geoms.
         if what == What::Friction {
             system.one_friction = Some(value);
         }
@@ -178,8 +178,8 @@ impl Subject {
     }
 
     /// Derivatives `[parameter][number]` of the numbers of robot and scene ([`numbers`]) with respect to each parameter
-    /// at `values`. Uses central differences, without a solver. They convert gradients with respect to numbers
-    /// ([`Articulated::back_by_numbers`]) to gradients with respect to parameters.
+    /// at `values`. Uses central differences, without a solver. The derivatives convert gradients with respect to
+    /// numbers ([`Articulated::back_by_numbers`]) to gradients with respect to parameters.
     pub fn numbers_by(&self, parameters: &[Parameter], values: &[f64]) -> Result<Vec<Vec<f64>>, CalibrateError> {
         let by = |k: usize| {
             let size = 1e-5 * (parameters[k].high - parameters[k].low);

@@ -17,9 +17,10 @@ pub struct Trial {
     pub start: Vec<f64>,
     /// Coordinates q of every frame, including the start.
     pub measured: Vec<Vec<f64>>,
-    /// Torques held constant over each frame.
+    /// Joint torques (N m or N) held constant over each frame.
     pub torques: Vec<Vec<f64>>,
-    /// Torques of the two frames before the start, newest first; at the start of a trajectory, its first torques.
+    /// Torques of the two frames before the start, newest first. At the start of a trajectory they equal its first
+    /// torques.
     pub earlier: [Vec<f64>; 2],
 }
 
@@ -84,7 +85,7 @@ impl Log {
 
 impl Subject {
     /// Rolls out every trial, on all threads. Returns the coordinates of every frame as sensor readings. If the solver
-    /// fails, the rollout stays in place from there on.
+    /// fails, the rollout keeps its last pose from there on.
     ///
     /// # Errors
     /// If no trial can be stepped even once.
@@ -118,8 +119,8 @@ impl Subject {
         }
     }
 
-    /// Start state of a rollout. A penetrating body is moved out of the ground, which would throw it out. In free fall
-    /// the velocity is corrected for the lag.
+    /// Start state of a rollout. A penetrating body is moved out of the ground, since contact forces would throw the
+    /// body out. In free fall the velocity is corrected for the lag.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         self.shift(&mut state[..robot.nq()], 1.0);
@@ -154,7 +155,7 @@ impl Subject {
 /// Distance (m) from every surface beyond which a body is in free fall.
 const FREE_DISTANCE: f64 = 0.002;
 
-/// Distance of two motions.
+/// Distance between two motions, each given as the coordinates q of every frame.
 pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
     let (floating, first, n) = (system.robot.floating(), system.robot.root_coords(), a.len().min(b.len()) as f64);
     let mut sum = Distance::default();

@@ -16,8 +16,8 @@ pub(super) struct Begun {
     pub drives: Vec<Drive>,
     /// Drawn parameters, where robots differ.
     pub drawn: Vec<f64>,
-    /// By trajectory: factor on torques, number of frames an action is held constant, policy or smooth curves in place
-    /// of random torques.
+    /// For each trajectory: factor on torques; `holds`: number of frames that an action is held constant; `pilots`:
+    /// policy or smooth curves in place of random torques.
     pub scales: Vec<f64>,
     pub holds: Vec<usize>,
     pub pilots: Vec<Option<Box<dyn Act>>>,

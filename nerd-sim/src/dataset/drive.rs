@@ -65,18 +65,18 @@ pub trait Pilot: Debug + Send + Sync {
 
 /// Acts in one trajectory in place of random torques.
 pub trait Act {
-    /// Torques of the next frame, one per joint.
+    /// Writes the torques of the next frame (N m or N) to `out`, one per joint.
     fn torques(&mut self, state: &[f64], scene: &Scene, rng: &mut ChaCha8Rng, out: &mut [f64]);
 }
 
-/// Uniform cubic B-splines with random control values, one curve per joint. They suit robots that follow their torques,
-/// such as a gripper under impedance control. The curve of a joint with a spring starts at the torque that holds its
-/// start position.
+/// Uniform cubic B-splines with random control values, one curve per joint. Such smooth torques suit robots that follow
+/// their torques, such as a gripper under impedance control. The curve of a joint with a spring starts at the torque
+/// that holds its start position.
 pub struct Smooth {
     amplitudes: Vec<f64>,
-    /// The four control values around the present time, by joint.
+    /// The four control values (N m or N) around the present time, for each joint.
     values: Vec<[f64; 4]>,
-    /// Frames between two control values, and frames since the last one.
+    /// Number of frames between two control values; `since`: number of frames since the last control value.
     span: usize,
     since: usize,
 }

@@ -68,7 +68,8 @@ fn empty(system: &System, begun: &mut Begun, f: usize, count: usize) -> Recordin
     }
 }
 
-/// Draws an environment's torques of a frame. `held`: its stream where the held action began.
+/// Draws an environment's torques of a frame. `held`: copy of the environment's random stream from where the held
+/// action began.
 fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torques: &mut [f64]) {
     let Begun { batch, streams, drives, scales, holds, pilots, .. } = begun;
     let last = drives.len() - 1;
@@ -84,7 +85,7 @@ fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torqu
     }
 }
 
-/// Records what an environment's sensors show, and the contact events of the state that they show.
+/// Records what an environment's sensors show, and the contact events of the state that the sensors show.
 fn show(
     system: &System,
     Begun { batch, sensors, .. }: &mut Begun,

@@ -59,7 +59,7 @@ impl Manifest {
         found.map_err(|reason| FileError::new(&Self::path(folder), reason))
     }
 
-    /// Reads the shard `name`, after checking that it is of `system` and of this truth.
+    /// Reads the shard `name`, after checking that the shard is of `system` and of the manifest's truth.
     pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, FileError> {
         self.checked(&folder.join(name), system).map(|(recording, _)| recording)
     }
@@ -72,11 +72,11 @@ impl Manifest {
         checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// As [`Manifest::shard`], with the scene of each trajectory. Shards do not store scenes, so they are drawn again
-    /// from the seed.
+    /// Reads a shard as [`Manifest::shard`] does, with the scene of each trajectory. Shards do not store scenes, so the
+    /// scenes are drawn again from the seed.
     ///
     /// # Errors
-    /// As [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
+    /// Under the conditions of [`Manifest::shard`], and if the redrawn starts differ from the recorded starts.
     pub fn shard_in_scenes(
         &self,
         folder: &Path,

@@ -18,7 +18,7 @@ pub struct Recording {
     /// States `[trajectory][F + 1][state_dim]`.
     pub states: Vec<f64>,
     /// Noisy sensor readings of the states at the start of each frame, `[trajectory][F][state_dim]`; contacts are
-    /// computed from these. Empty without sensor noise ([`crate::vary`]).
+    /// computed from these readings. Empty without sensor noise ([`crate::vary`]).
     pub shown: Vec<f64>,
     /// Joint torques held constant over each frame, `[trajectory][F][joints]`.
     pub torques: Vec<f64>,

@@ -36,7 +36,7 @@ pub fn claim(folder: &Path) -> Result<Claim> {
                 );
                 return Err(Error::new(ErrorKind::WouldBlock, text));
             }
-            // A file system without locks cannot tell.
+            // On a file system without locks, other writers cannot be detected.
             Ok(()) | Err(TryLockError::Error(_)) => {}
         }
         if is_at(&file, &path) {

@@ -3,8 +3,8 @@
 /// Memory (bytes) assumed for a machine that does not report it.
 const ASSUMED_MEMORY: u64 = 8 << 30;
 
-/// Upper bound (bytes) of the memory that this process may allocate: the least of the machine's available memory and
-/// the limits of container and `ulimit`.
+/// Upper bound (bytes) of the memory that this process may allocate. It is the least of the machine's available memory
+/// and the limits of container and `ulimit`.
 pub fn free() -> u64 {
     let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
     let field = |text: &str, name: &str| {

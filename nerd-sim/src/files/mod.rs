@@ -134,7 +134,7 @@ fn text(bytes: Vec<u8>) -> Result<String> {
 /// The end of a chain of symbolic links, whether or not it exists.
 fn target(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_path_buf();
-    // The limit of Linux.
+    // Linux follows at most 40 symbolic links.
     for _ in 0..40 {
         // Links in /proc/self/fd may lead to targets without a name in the file system, which can still be opened.
         let special = std::fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir());

@@ -97,7 +97,7 @@ pub fn note(what: &str, found: impl IntoIterator<Item = Renamed>) {
 }
 
 /// The text of a TOML with new keys for old ones, and the keys that were renamed. Lines stay; a text that is no TOML is
-/// returned as it is.
+/// returned unchanged.
 ///
 /// # Errors
 /// If a table has the old and the new name of a key.

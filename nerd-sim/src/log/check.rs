@@ -7,13 +7,14 @@ use super::tidy::rate;
 use crate::internal::*;
 use crate::table::Place;
 
-/// Relative error above which velocities contradict the poses, or a fall the gravity.
+/// Relative error above which measured velocities are refused as contradicting the poses, or a free fall as
+/// contradicting gravity.
 const MAX_RELATIVE_ERROR: f64 = 0.5;
 /// Largest relative change of a velocity from one row to the next that counts as steady.
 const MAX_STEADY_CHANGE: f64 = 0.3;
-/// Relative error above which velocities are noted.
+/// Relative error of measured velocities, against differences of the poses, above which the error is noted.
 const NOTED_VELOCITY_ERROR: f64 = 0.15;
-/// Least relative error of velocities or free fall that is noted.
+/// Relative error of free fall above which it is noted, and of angular velocity above which other axes are proposed.
 const MIN_NOTED_ERROR: f64 = 0.01;
 /// Number of rows up to which all velocities are checked.
 const MAX_CHECKED_ROWS: usize = 100_000;
@@ -23,9 +24,9 @@ const MIN_FLIGHT: (f64, usize) = (0.08, 8);
 const MAX_FRAME_TIME: f64 = 0.02;
 /// Least distance (m) from every surface in free flight.
 const MIN_CLEARANCE: f64 = 0.005;
-/// Relative difference from gravity above which a fall is not free.
+/// Relative difference of an acceleration from gravity above which a body does not fall freely.
 const MAX_FALL_DIFFERENCE: f64 = 0.5;
-/// Factors that indicate a wrong unit.
+/// Ratios of measured to expected values (or their inverses) that indicate a wrong unit.
 const UNITS: [(f64, &str); 6] = [
     (std::f64::consts::PI / 180.0, "degrees taken for radians"),
     (180.0 / std::f64::consts::PI, "radians taken for degrees"),
@@ -47,9 +48,10 @@ fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     all.step_by((rows / MAX_CHECKED_ROWS).max(1))
 }
 
-/// Median error of measured velocities at two consecutive rows against the velocity between the poses, relative to its
-/// median magnitude; and the best-fitting factor. Only the fastest quarter counts, since velocities at rest are noise.
-/// Velocities that change much between the two rows are skipped, since the time of the change is unknown.
+/// Compares measured velocities, averaged over two consecutive rows, with the velocity between the poses of these rows.
+/// Returns the median error, relative to the median magnitude of the velocity between poses, and the best-fitting
+/// factor on measured velocities. Only the fastest quarter counts, since velocities at rest are noise. Velocities that
+/// change much between the two rows are skipped, since the time of the change is unknown.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
     let steady = rates
@@ -91,7 +93,7 @@ pub(super) fn rates(
         let ang_vel = |order: Order, axes: Axes| {
             misfit(pairs(raw).map(|(a, b)| {
                 let [x, y] = [a, b].map(|m| as_if(&m.q[3..7], root.order, order));
-                // The angular velocity in its columns' axes, then in the axes of the hypothesis.
+                // The numbers of the columns, then the angular velocity (world axes) if `axes` and `order` were right.
                 let measured = [(a, x), (b, y)].map(|(m, turn)| {
                     let own = Vector3::new(m.qd[0], m.qd[1], m.qd[2]);
                     let own = if root.axes == Axes::Body { quaternion(&m.q[3..7]).inverse() * own } else { own };
@@ -156,8 +158,8 @@ fn refuse(
     Err(bad(csv, format!("{words}; {advice}")))
 }
 
-/// Notes a coordinate that jumps in a row by a thousand times its change in 99 % of the rows: a glitch of a sensor or
-/// file.
+/// Notes a coordinate that changes in one row more than a thousand times as much as in 99 % of the rows. This suggests
+/// a glitch of a sensor or file.
 pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) {
     let root = spec.root.iter().flat_map(|root| root.position.iter().enumerate());
     let joint = |name: &String| spec.joints.iter().find(|j| j.name == *name).map(|j| &j.position);

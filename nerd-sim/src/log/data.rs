@@ -32,7 +32,7 @@ pub struct Trajectory {
     pub id: u64,
     /// States `[q, qd]` in the form of the solvers, one per frame.
     pub states: Vec<Vec<f64>>,
-    /// Joint torques, one row per state.
+    /// Joint torques (N m or N), one row per state.
     pub torques: Vec<Vec<f64>>,
 }
 

@@ -1,9 +1,9 @@
 //! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML that defines meaning, unit and frame
 //! of its columns ([`LogSpec`]).
 //!
-//! A [`Log`] holds states in the form of the solvers, one per frame of the robot. Its `notes` list conversions:
-//! velocities from differences, cuts at gaps, resampling, dropped copies. Impossible data ends in an error, or in a
-//! note with the figure. Examples: velocities that contradict the poses, free fall that is not g.
+//! A [`Log`] holds states in the form of the solvers, one per frame of the robot. The `notes` of a log list
+//! conversions: velocities from differences, cuts at gaps, resampling, dropped copies. Impossible data causes an error,
+//! or a note with the size of the deviation. Examples: velocities that contradict the poses, free fall that is not g.
 
 mod check;
 mod data;

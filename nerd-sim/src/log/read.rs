@@ -6,7 +6,7 @@ use crate::files::renamed::{self, Kind};
 use crate::table::{Place, Row, Table, twice};
 use crate::{arrays::Arrays, internal::*};
 
-/// Largest magnitude accepted as a measurement, in SI units; times since an epoch are below it.
+/// Largest magnitude accepted as a measurement, in SI units; times since an epoch (s) are below this bound.
 const MAX_MEASUREMENT: f64 = 1e11;
 
 #[derive(Clone, Debug)]
@@ -19,7 +19,7 @@ pub(super) struct Moment {
     /// Velocities: for a floating root the angular velocity and the velocity of its origin, in world axes, then joints.
     /// NaN where not measured.
     pub qd: Vec<f64>,
-    /// Joint torques; NaN where a cell is empty.
+    /// Joint torques (N m or N); NaN where a cell is empty.
     pub torques: Vec<f64>,
 }
 
@@ -35,7 +35,7 @@ struct Columns<'a> {
     trajectory: Option<usize>,
     time: Option<usize>,
     root: Option<Root<'a>>,
-    /// Columns of position, velocity and torque; whether the joint is a slide.
+    /// For each joint: column indices of position, velocity and torque, and whether the joint is a slide.
     joints: Vec<([Option<usize>; 3], bool)>,
 }
 

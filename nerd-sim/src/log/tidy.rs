@@ -6,10 +6,10 @@ use super::data::Trajectory;
 use super::read::{Moment, Raw};
 use crate::internal::*;
 
-/// Ratio of a time step to the usual step above which it is a gap.
+/// Ratio of a time step to the trajectory's usual step above which the time step is a gap.
 const GAP_RATIO: f64 = 1.5;
-/// Largest deviation of a row's time from its frame, as a share of a frame. Half of the times' last digit is also
-/// accepted, up to `MAX_TIME_ROUNDING` of a frame.
+/// Largest deviation of a row's time from the time of its frame, as a share of the frame time. Half of the times' last
+/// digit is also accepted, up to `MAX_TIME_ROUNDING` of a frame.
 const MAX_JITTER: f64 = 0.01;
 const MAX_TIME_ROUNDING: f64 = 0.05;
 /// Largest difference of numbers between two copies: files round digits.
@@ -28,14 +28,14 @@ fn rounding(moments: &[Moment]) -> f64 {
     [1e-1, 1e-2, 1e-3, 1e-4, 1e-5].into_iter().find(|digit| whole(*digit)).unwrap_or(0.0) / 2.0
 }
 
-/// Removes trajectories that equal another one up to a rotation about the vertical and a horizontal shift. They would
-/// count twice, and could end on both sides of a split.
+/// Removes trajectories that equal another one up to a rotation about the vertical and a horizontal shift. Such copies
+/// would count twice, and could be in both the training and the test data.
 pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
     if !system.robot.floating() {
         return;
     }
     let joints = system.robot.root_coords();
-    // Invariants of such a motion: heights, the vertical in body axes, joint positions.
+    // Numbers that such a rotation and shift leave unchanged: heights, the vertical in body axes, joint positions.
     let print = |raw: &Raw| -> Vec<f64> {
         let of = |m: &Moment| {
             let up = quaternion(&m.q[3..7]).inverse() * Vector3::z();
@@ -43,7 +43,7 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
         };
         raw.moments.iter().flat_map(of).collect()
     };
-    // Keyed by the middle number, in steps of the largest difference between copies.
+    // Numbers of the trajectories kept so far, by the middle number in multiples of `COPY_TOLERANCE`.
     let mut prints: BTreeMap<i64, Vec<Vec<f64>>> = BTreeMap::new();
     let before = raw.len();
     raw.retain(|r| {
@@ -118,14 +118,15 @@ fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     true
 }
 
-/// Difference of joint positions `b - a`; endless joints take the shorter direction.
+/// Difference (rad or m) of joint positions `b - a`; endless joints take the shorter direction.
 pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let first = robot.root_coords();
     let each = robot.joints().zip(a[first..].iter().zip(&b[first..]));
     each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
 }
 
-/// Velocities from one pose to another: angular and linear velocity of the root in world axes, then joints.
+/// Mean velocities from pose `a` to pose `b`. First come angular (rad/s) and linear (m/s) velocity of the root in world
+/// axes, then joint velocities (rad/s or m/s).
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = vec![0.0; robot.nv()];
     difference(robot, a, b, &mut out);

@@ -18,14 +18,15 @@ pub struct RapierConfig {
     /// Solver iterations (rapier's substeps) per outer step, at least 1. Default 4.
     pub iterations: usize,
     /// Outer steps per frame, each with collision detection and a check of limits, at least 1. Default 4. With 1, a
-    /// link passes through a surface that it crosses within a frame: the double pendulum penetrates by 0.1 m instead of
-    /// 0.01 m.
+    /// link passes through a surface that it crosses within a frame. The double pendulum then penetrates by 0.1 m
+    /// instead of 0.01 m.
     pub steps: usize,
-    /// Restitution of every contact, 0 to 1. Default 0. It replaces the damping of the compliant contact model.
+    /// Restitution of every contact, 0 to 1. Default 0. The restitution replaces the damping of the compliant contact
+    /// model.
     pub restitution: f64,
     /// Whether a floating robot's frame is stepped in the axes of its root at the start of the frame. Default no.
-    /// rapier's friction acts along two axes of its world, so the result depends on the robot's heading. On the Ant
-    /// this exceeds half the effect of more steps.
+    /// rapier's friction acts along two axes of its world, so the result depends on the robot's heading. On the Ant,
+    /// this dependence is more than half as large as the effect of more steps.
     pub own_axes: bool,
 }
 
@@ -51,8 +52,8 @@ impl RapierConfig {
             contact_softness: softness,
             static_contact_softness: softness,
             length_unit: LENGTH,
-            // Needed for a single free body: the simplified model is up to 10 % off on small feet. Multibodies always
-            // use this model.
+            // A single free body needs Coulomb friction: rapier's simplified model errs by up to 10 % on small feet.
+            // Multibodies always use Coulomb friction.
             friction_model: rapier::FrictionModel::Coulomb,
             // Motion clamping loses time, a speed limit loses energy, a recycled contact is stale.
             max_ccd_substeps: 0,

@@ -72,7 +72,8 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// rapier silently divides by zero and drops overflowing accelerations, so check both first.
+    /// Refuses a mass matrix that is not positive definite, and forces that are not finite. rapier itself divides by
+    /// zero and drops overflowing accelerations without an error.
     fn check(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64]) -> Result<(), String> {
         if scene.uneven() {
             return Err(format!("scene `{}`: rapier does not know terrain; take `articulated`", scene.name));

@@ -16,8 +16,8 @@ pub(super) fn turns(material: &Material) -> bool {
     material.torsion > 0.0 || material.rolling > 0.0
 }
 
-/// Attaches a surface of the robot's file, if given, to a robot collider. Its margin is the file's margin against the
-/// ground.
+/// Attaches a surface of the robot's file, if given, to a robot collider. The collider's margin (m) is the file's
+/// margin against the ground.
 pub(super) fn of_file(system: &System, builder: ColliderBuilder, surface: Option<usize>) -> ColliderBuilder {
     let Some(surface) = surface.filter(|own| *own < system.surfaces.geoms.len()) else { return builder };
     let margin = system.surfaces.other(surface).map_or(0.0, |law| law.margin);

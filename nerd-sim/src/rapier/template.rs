@@ -19,11 +19,11 @@ pub(super) struct Template {
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
     pub(super) links: Vec<RigidBodyHandle>,
-    /// The multibody; `None` for a single free body. Its link 0 is the base or the floating root. Its DoFs are in the
-    /// order of `qd`, except that a root's linear DoFs come first.
+    /// The multibody; `None` for a single free body. Link 0 of the multibody is the base or the floating root. The
+    /// multibody's DoFs are in the order of `qd`, except that a root's linear DoFs come first.
     pub(super) multibody: Option<MultibodyIndex>,
-    /// Centre of mass of a floating root in its link frame, and origin of its rapier body: rapier integrates the origin
-    /// of a free root with the velocity of its centre of mass.
+    /// Centre of mass of a floating root in its link frame (m), used as the origin of the root's rapier body. rapier
+    /// moves the origin of a free root with the velocity of its centre of mass.
     pub(super) root_com: Vector3<f64>,
 }
 
@@ -65,7 +65,7 @@ impl Template {
         let handles: Vec<_> = bodies.iter().map(|(handle, _)| handle).collect();
         for handle in handles {
             if let Some(body) = bodies.get_mut(handle) {
-                // Otherwise the masses are zero until after the first step.
+                // Without this call, rapier's masses are zero until after the first step.
                 body.recompute_mass_properties_from_colliders(&colliders);
             }
         }

@@ -34,13 +34,13 @@ pub struct Collider {
     /// Uneven ground, if set: heights along the z axis of `pose`. `shape` is then the half-space below height 0.
     pub field: Option<Field>,
     /// Bounding sphere of the shape, centre and radius (m) in the collider's axes, set by [`Collider::new`]. Far points
-    /// skip the query. Update it if you replace `shape`.
+    /// skip the query. Update the sphere if you replace `shape`.
     pub ball: (Vector3<f64>, f64),
     /// Faces of the shape if it is a convex hull.
     pub hull: Option<Hull>,
     /// Surface number of the geom that made this collider; `None` unless the robot's file has that geom.
     pub surface: Option<usize>,
-    /// Whether the material is set by the scene.
+    /// Whether the scene states the material; otherwise the material is the robot's.
     pub stated: bool,
 }
 
@@ -82,7 +82,7 @@ impl Collider {
         }
     }
 
-    /// World direction of the heights.
+    /// Unit vector, in world axes, along which heights of uneven ground are measured.
     pub(crate) fn up(&self) -> Vector3<f64> {
         self.pose.rotation * Vector3::z()
     }
@@ -92,7 +92,7 @@ impl Collider {
         self.pose.rotation.inverse_transform_vector(&(p0 - self.pose.translation.vector))
     }
 
-    /// A shape of a body with world pose `at`.
+    /// The collider of a shape on a body with world pose `at`.
     pub(crate) fn shaped(Shape { pose, kind, surface }: &Shape, at: &Isometry3<f64>, material: Material) -> Self {
         let shape = match *kind {
             ShapeKind::Sphere { radius } => SharedShape::ball(radius),
@@ -201,8 +201,9 @@ impl Collider {
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
     }
 
-    /// As [`Collider::query`], for a contact point of a link. `data` has the kinematics; `middle` is the point's centre
-    /// in world axes. A distance beyond `reach` (m) may be underestimated, but not below `reach`.
+    /// Contact event, as from [`Collider::query`], for a contact point of a link. `data` holds the kinematics;
+    /// `middle`: the contact point's centre (m, world axes). A distance beyond `reach` (m) may be underestimated, but
+    /// not below `reach`.
     #[inline(always)]
     pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>, reach: f64) -> ContactEvent {
         if point.locus.is_fixed() { self.query(middle) } else { self.search(point, data, middle, reach) }

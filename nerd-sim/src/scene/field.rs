@@ -1,8 +1,8 @@
 //! Uneven ground: a grid of heights with bilinear interpolation that repeats along x and y, or a finite block with this
 //! top.
 //!
-//! Distance and normal refer to the tangent plane vertically below the point. For a sphere they ignore the curvature of
-//! the ground beneath.
+//! Distance and normal refer to the tangent plane vertically below the point. For a sphere, distance and normal ignore
+//! the curvature of the ground beneath.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -22,7 +22,7 @@ pub enum TerrainKind {
     Rubble,
     /// Stairs that rise to the middle of the field from all sides, with steps of `height` and depth `length`.
     Steps,
-    /// As [`TerrainKind::Steps`], with slopes in place of stairs.
+    /// Slopes that rise to the middle of the field from all sides, by `height` over each `length`.
     Slopes,
     /// Waves along x and y with height `height` and wavelength near `length`.
     Waves,
@@ -98,11 +98,11 @@ impl Field {
         Self::of([cell; 2], nodes, heights, None)
     }
 
-    /// A block centred at the origin, with heights (m) `[x][y]` at nodes `cell` (m) apart along x and y. Its bottom is
-    /// `base` (m) below height 0.
+    /// A block centred at the origin, with heights (m) `[x][y]` at nodes `cell` (m) apart along x and y. The bottom of
+    /// the block is `base` (m) below height 0.
     ///
     /// # Errors
-    /// As [`Field::new`], or if an axis has fewer than two nodes.
+    /// Under the conditions of [`Field::new`], or if an axis has fewer than two nodes.
     pub fn block(cell: [f64; 2], nodes: [usize; 2], heights: Vec<f64>, base: f64) -> Result<Self, String> {
         within("`base`", base, 1e-9..=1e6, "m")?;
         if nodes.contains(&1) {
@@ -190,7 +190,7 @@ impl Field {
         [0, 1].map(|k| 0.5 * (self.nodes[k] - 1) as f64 * self.cell[k])
     }
 
-    /// Height (m) at (x, y), and its slope along x and y. Beyond the edge of a block, the values at the edge.
+    /// Height (m) at (x, y), and its slope along x and y. Beyond the edge of a block, returns the values at the edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
         let ([i, p], a) = self.cell_of(0, x);
         let ([j, q], b) = self.cell_of(1, y);

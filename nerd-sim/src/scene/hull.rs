@@ -27,7 +27,7 @@ impl Hull {
         let (vertices, faces) = shape.as_convex_polyhedron()?.to_trimesh();
         let face = |face: &[u32; 3]| {
             let corners @ [a, b, c] = face.map(|k| from_parry(&vertices[k as usize]));
-            // The normal of a sliver is rounding noise, and its neighbours are as near.
+            // A very thin triangle is left out: its normal is rounding noise, and neighbouring faces are as near.
             let normal = (b - a)
                 .cross(&(c - a))
                 .try_normalize(MIN_HEIGHT_RATIO * (b - a).norm_squared().max((c - a).norm_squared()))?;
@@ -81,15 +81,15 @@ impl Hull {
         std::iter::once(self.0.len() as f64).chain(all).collect()
     }
 
-    /// Whether both share the same memory.
+    /// Whether both hulls share the same memory.
     pub(crate) fn shares(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.0, &other.0)
     }
 }
 
 impl Face {
-    /// Nearest point of the face to `x` at height `high` above its plane, and the squared distance. The projection, or
-    /// a point on an edge if the projection lies beyond it.
+    /// Nearest point of the face to `x` at height `high` above its plane, and the squared distance. This is the
+    /// projection of `x`, or a point on an edge if the projection lies beyond the edge.
     fn nearest(&self, x: &Vector3<f64>, high: f64) -> (Vector3<f64>, f64) {
         let foot = x - self.normal * high;
         let mut best = None::<(Vector3<f64>, f64)>;

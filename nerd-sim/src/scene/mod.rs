@@ -64,7 +64,8 @@ impl Scene {
         )
     }
 
-    /// `middle` is the contact point's centre, at most `reach` (m) from the queried position.
+    /// Contact event of the nearest collider. `middle`: centre (m) of the contact point, at most `reach` (m) from the
+    /// queried position.
     #[inline(always)]
     fn nearest(
         &self,

@@ -29,8 +29,8 @@ pub struct Material {
     /// Contact margin (m): the force begins at this distance.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub margin: f64,
-    /// Time constant (s) of resolving a penetration: while separating, the damping is the stiffness times this. With 0,
-    /// as in the reference simulator, a body that starts in penetration is thrown out.
+    /// Time constant (s) of resolving a penetration: while separating, the damping (N s/m) is the stiffness times this
+    /// time. With a time of 0, as in the reference simulator, a body that starts in penetration is thrown out.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub release: f64,
 }
@@ -41,8 +41,9 @@ pub(crate) fn is_zero(x: &f64) -> bool {
 }
 
 impl Default for Material {
-    /// The reference simulator's plane: 1e5 N/m, 1e3 N s/m, 0.5. Tangential damping is 1e5 N s/m in place of 1e3. In
-    /// explicit steps, a foot pushed sideways by 30 N then creeps at 0.3 mm/s in place of 30 mm/s.
+    /// The reference simulator's plane: stiffness 1e5 N/m, damping 1e3 N s/m, friction 0.5. Tangential damping is 1e5 N
+    /// s/m in place of the reference's 1e3 N s/m. In explicit steps, a foot pushed sideways by 30 N then creeps at 0.3
+    /// mm/s in place of 30 mm/s.
     fn default() -> Self {
         Self {
             stiffness: 1e5,

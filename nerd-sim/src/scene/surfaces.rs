@@ -43,9 +43,10 @@ pub struct PairLaw {
     pub margin: f64,
     /// Softness from the file.
     pub softness: Softness,
-    /// Stiffness and damping relative to the robot's material, derived from `softness`.
+    /// Factors on stiffness and damping of the robot's material, derived from `softness`.
     pub factors: [f64; 2],
-    /// Time constant (s) of resolving a penetration. It gives equal damping in both directions, as in MuJoCo.
+    /// Time constant (s) of resolving a penetration. Its value gives equal damping while approaching and separating, as
+    /// in MuJoCo.
     pub release: f64,
 }
 
@@ -175,7 +176,7 @@ impl Material {
     pub(crate) fn by(&self, law: &PairLaw, collider: &Collider, one: Option<f64>) -> Self {
         let friction = match one.filter(|_| law.condim > 1) {
             Some(one) => one,
-            // The scene sets its own material.
+            // If the scene states a material, the pair has the mean of both friction coefficients.
             None if collider.stated && law.condim > 1 => 0.5 * (collider.material.friction + law.friction),
             None => law.friction,
         };

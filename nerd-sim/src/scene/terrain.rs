@@ -24,8 +24,8 @@ impl Scene {
         own
     }
 
-    /// Height (m, along the up axis) of repeating uneven ground. The point is `ahead` and `aside` (m, left) of a free
-    /// root along its heading.
+    /// Height (m, along the up axis) of repeating uneven ground at a point near a free root. The point lies `ahead` (m)
+    /// of the root along its heading, and `aside` (m) to the left.
     pub fn ground(&self, state: &[f64], [ahead, aside]: [f64; 2]) -> Option<f64> {
         let (body, field) = self.terrain()?;
         let at = body.inside(&vector(&state[..3]));

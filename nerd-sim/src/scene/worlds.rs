@@ -1,7 +1,7 @@
 //! Scenes that every robot with contact points has besides its own: a plane, a slope, a box, steps, hills.
 //!
-//! They are laid out with z up, then rotated so that z is the robot's up axis. Nothing rises above the ground within
-//! 0.4 m of the origin. A start clear of a plane is therefore clear in every scene.
+//! The scenes are laid out with z up, then rotated so that z is the robot's up axis. Nothing rises above the ground
+//! within 0.4 m of the origin. A start clear of a plane is therefore clear in every scene.
 
 use std::sync::LazyLock;
 
@@ -12,7 +12,7 @@ use super::spec::{PegSpec, PlaneSpec, SceneSpec};
 use super::{Field, up};
 use crate::internal::*;
 
-/// Names of these scenes.
+/// Names of the scenes that every robot with contact points has.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
 
 /// Inclination of `slope` (rad): 10 degrees, rising along x, through the origin.
@@ -21,14 +21,14 @@ const SLOPE: f64 = 0.174_532_925_199_432_95;
 const BOX: [[f64; 3]; 2] = [[0.3, 0.5, 0.1], [0.75, 0.0, 0.1]];
 /// Steps of `steps`: number, rise, tread, width (m). The first step begins at x = 0.4 m.
 const STEPS: (usize, f64, f64, f64) = (6, 0.08, 0.4, 4.0);
-/// Hills of `hills`: half side (m), cells per side, depth of the deepest valley (m). Beyond them lies a plane at that
-/// depth.
+/// Hills of `hills`: half side (m), cells per side, depth of the deepest valley (m). Beyond the hills lies a plane at
+/// this depth.
 const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
 
 /// The mesh of `hills`, made once and shared by all scenes.
 static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
 
-/// A scene from a robot's TOML; `material` is used if the scene has none.
+/// A scene from a robot's TOML; `material` is used if the TOML gives the scene no material.
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Result<Scene, String> {
     let (upright, stated, material) = (upright(gravity), spec.material.is_some(), spec.material.unwrap_or(material));
     let ground = match &spec.terrain {

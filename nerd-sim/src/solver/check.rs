@@ -12,13 +12,14 @@ pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<
     sound(batch, torques, faults)
 }
 
-/// As [`check`], for a solver that supports a robot per environment, with its actuators and sensors.
+/// Checks as [`check`] does, for a solver that supports a different robot in each environment, with actuators and
+/// sensors.
 pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities { systems: true, ..Capabilities::default() }.admit(batch)?;
     numbers(batch, torques, faults)
 }
 
-/// As [`check`], with drives and a robot per environment allowed.
+/// Checks as [`check`] does, but allows drives and a different robot in each environment.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
         let text = "a robot has motors of its own (vary: delay, strength, zero, top_speed, ripple): put nerd_sim::rig::Rig around this solver";
@@ -27,7 +28,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
     numbers(batch, torques, faults)
 }
 
-/// As [`check`], without capabilities and actuator models.
+/// Checks as [`check`] does, except for capabilities and actuator models.
 pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
@@ -38,7 +39,7 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
     faults.clear();
     let mut last: Option<(&Arc<Scene>, bool)> = None;
     for (env, scene) in batch.scenes.iter().enumerate() {
-        // Environments mostly share one scene.
+        // Environments mostly share one scene, which is then checked once.
         if last.is_some_and(|(known, sound)| sound && Arc::ptr_eq(known, scene)) {
             continue;
         }
@@ -74,7 +75,7 @@ pub fn commit(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> R
     finish(batch, next, faults)
 }
 
-/// As [`commit`], for a solver that has set the batch's contact forces.
+/// Ends a frame as [`commit`] does, for a solver that has set the batch's contact forces.
 pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
@@ -88,7 +89,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
-    // Copy in place: others may hold a pointer to this memory (nerd-py's arrays).
+    // Copy in place, since nerd-py's arrays may point to this memory.
     batch.states.copy_from_slice(next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
     if faults.is_empty() {

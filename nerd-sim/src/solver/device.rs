@@ -33,7 +33,7 @@ pub trait Resident {
     /// Allocates memory for gradients over `frames` frames of the resident batch; refuses a solver without gradients.
     fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError>;
 
-    /// Prepares gradients over these frames on the device's main stream, as far as memory was allocated.
+    /// Prepares gradients over the frames of `trail` on the device's main stream, as far as memory was allocated.
     fn recall(&self, trail: Trail) -> Result<(), DeviceError>;
 
     /// Vector-Jacobian product of a frame of `trail`.
@@ -65,7 +65,7 @@ pub struct Back {
     pub by_states: u64,
     /// Output: gradients with respect to torques.
     pub by_torques: u64,
-    /// Output: the next states, and faults as i32; 0 to skip.
+    /// Output: addresses of the next states, and of the faults as i32; address 0 skips an output.
     pub next: [u64; 2],
 }
 

@@ -34,7 +34,7 @@ pub trait Solver: Send {
         None
     }
 
-    /// Clears the memory of an environment.
+    /// Clears what the solver remembers of an environment's earlier frames.
     fn reset(&mut self, env: usize) {
         if let Some(inner) = self.inner_mut() {
             inner.reset(env);
@@ -51,7 +51,7 @@ pub trait Solver: Send {
     /// tangent space ([`nerd_core::tangent`]). Batch and solver memory stay unchanged.
     ///
     /// # Errors
-    /// [`StepError::Refused`] for a solver without gradients; else as [`Self::step`].
+    /// [`StepError::Refused`] for a solver without gradients; else the errors of [`Self::step`].
     fn vjp(
         &mut self,
         _batch: &Batch,
@@ -65,15 +65,15 @@ pub trait Solver: Send {
     }
 
     /// Linearisation of the frame: [`Self::vjp`] with the rows of an identity. `states` holds the matrix A of every
-    /// environment, `[2 nv][2 nv]`, and `torques` the matrix B, `[2 nv][joint]`. [`Gradients::forward`] multiplies them
-    /// by a direction.
+    /// environment, `[2 nv][2 nv]`, and `torques` the matrix B, `[2 nv][joint]`. [`Gradients::forward`] multiplies A
+    /// and B by a direction.
     fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Gradients, StepError> {
         let size = 2 * batch.system.robot.nv();
         let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
         self.vjp(batch, torques, size, &identity.repeat(batch.len()))
     }
 
-    /// This solver as one that keeps a batch on a GPU, if it does.
+    /// This solver as a [`device::Resident`], if it can keep a batch on a GPU.
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         None
@@ -147,7 +147,7 @@ impl Simulation {
     /// Sets the state of an environment and clears the solver's memory of this environment.
     ///
     /// # Panics
-    /// As [`Batch::reset`].
+    /// Under the same conditions as [`Batch::reset`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);

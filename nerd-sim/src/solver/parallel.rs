@@ -17,13 +17,13 @@ pub(crate) trait Frame: Send + Sized {
     type Prepared: Send + Sync;
     /// Environments that a thread steps in sequence.
     const CHUNK: usize;
-    /// Whether it supports drives inside the frame, and reports contact forces.
+    /// Whether the solver supports drives inside the frame, and reports contact forces.
     const DRIVEN: bool = false;
 
     /// Precomputes the data of a system; the error says why it cannot be simulated.
     fn prepare(system: &System) -> Result<Arc<Self::Prepared>, String>;
 
-    /// Memory for a system, and for all systems that differ only in parameters.
+    /// Creates working memory for a system, and for all systems that differ from it only in parameters.
     fn new(system: &System, prepared: Arc<Self::Prepared>) -> Self;
 
     /// Switches to the precomputed data of the next system.
@@ -68,12 +68,12 @@ pub(crate) trait Back: Frame {
 /// Steps the environments of a batch in chunks. Allocates in its first step, and when the batch grows or its robot
 /// changes.
 pub(crate) struct Parallel<F: Frame> {
-    /// Precomputed data of the batch's robot, and of each environment's robot if these differ.
+    /// Precomputed data of the batch's robot; `own`: of each environment's robot, if robots differ.
     prepared: Option<Prepared<F>>,
     own: Vec<Prepared<F>>,
     frames: Vec<F>,
     next: Vec<f64>,
-    /// Placeholder where there are no contact forces.
+    /// Dummy contact forces, one per chunk, for robots or solvers without contact forces.
     none: Vec<Vector3<f64>>,
     faults: Mutex<Vec<Fault>>,
 }

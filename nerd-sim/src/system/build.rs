@@ -102,7 +102,7 @@ impl System {
     }
 }
 
-/// Refuses random scenes of a robot that cannot touch them, and a `[vary]` that does not fit it.
+/// Refuses random planes and pegs for a robot without contact points, and a `[vary]` that does not fit the robot.
 fn fits(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let random = [("random_plane", spec.random_plane.is_some()), ("random_pegs", spec.random_pegs.is_some())];
     if let Some((key, _)) = random.into_iter().find(|(_, asked)| *asked && robot.contact_points.is_empty()) {
@@ -126,14 +126,15 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
             robot.link(&c.link).map(|link| c.points(link, &robot.links[link].frame)).unwrap_or_default()
         };
         let listed: Vec<ContactPoint> = spec.contacts.iter().flat_map(points).collect();
-        // A listed point at the position of one of the file's points gets that point's surface; positions may coincide.
+        // A listed contact point that equals a point of the robot's file gets that point's surface. Each point of the
+        // file is used once, since positions may coincide.
         let mut own: Vec<_> =
             std::mem::take(&mut robot.contact_points).into_iter().filter(|p| p.surface.is_some()).collect();
         let mut surface =
             |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
         robot.contact_points = listed.into_iter().map(|p| p.clone().on(surface(&p))).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
-        // Nothing to touch: without contact points the solver skips contact.
+        // The robot has nothing to touch; without contact points the solver skips contact.
         robot.contact_points.clear();
     }
 }

@@ -18,8 +18,8 @@ const MAX_ROWS: usize = 12;
 /// Thinnest capsule (m).
 const MIN_RADIUS: f64 = 1e-4;
 /// Share of the squared sum of two radii that is added to the squared distance of two capsules at an end. Capsules are
-/// thus slightly barrel-shaped, R / 4000 thinner at an end. For parallel capsules side by side, the contact position
-/// becomes a continuous function of the pose and the gap differentiable.
+/// thus slightly barrel-shaped: at an end they are thinner by R / 4000, with R the sum of the two radii. For parallel
+/// capsules side by side, the contact position becomes a continuous function of the pose and the gap differentiable.
 pub(crate) const BARREL: f64 = 1.0 / 2000.0;
 
 /// All points within `radius` of the segment from `middle - half` to `middle + half` (m, link frame).
@@ -33,14 +33,14 @@ pub(crate) struct Capsule {
 pub(crate) struct Meeting {
     /// Distance (m) between the surfaces of two capsules, negative when they overlap.
     pub(crate) gap: f64,
-    /// Gradient of the gap with respect to the first capsule's position: a unit vector up to the barrel's share.
+    /// Gradient of the gap with respect to the first capsule's position: a unit vector up to the share [`BARREL`].
     pub(crate) normal: Vector3<f64>,
     pub(crate) place: Vector3<f64>,
 }
 
 impl Capsule {
-    /// Contact with another capsule: the pair of points `m + s h` on the two axes, s from -1 to 1, with the least
-    /// `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
+    /// Contact with another capsule, at the pair of points `x = m + s h` on the two axes, s from -1 to 1. The pair has
+    /// the least `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`. R is the sum of the radii (m).
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> Meeting {
         let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);
@@ -115,8 +115,8 @@ fn along(pose: &Isometry3<f64>, axis: usize, half_length: f64, radius: f64) -> C
     Capsule { middle: pose.translation.vector, half, radius: radius.max(MIN_RADIUS) }
 }
 
-/// Capsules side by side for a flat box or cylinder with these half extents. `reach` is half the axis length of the
-/// capsule at offset y, given the capsules' radius.
+/// Capsules side by side for a flat box or cylinder with half extents `half` (m). `reach(y, radius)` is half the axis
+/// length (m) of the capsule at offset y (m).
 fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f64) -> Vec<Capsule> {
     if half.max() <= 0.0 {
         return Vec::new();
@@ -154,14 +154,15 @@ fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
     if size(&two[0]) <= size(&two[1]) { two[0] } else { two[1] }
 }
 
-/// Inside of a convex hull: its support function in many directions.
+/// Inside of a convex hull, as the hull's support (m) along many unit vectors.
 struct Room(Vec<(Vector3<f64>, f64)>);
 
 /// Number of support directions, and of stations along a capsule.
 const DIRECTIONS: usize = 200;
 const STATIONS: usize = 11;
-/// Least radius along a fitted capsule, as a share of its largest: the ends are cut there. Least radius of the capsule
-/// itself, as a share of the box's: otherwise it is dropped.
+/// [`MIN_END_RADIUS`]: least free radius along a fitted capsule, as a share of the largest; ends with less are cut off.
+/// [`MIN_RADIUS_SHARE`]: least radius of a fitted capsule, as a share of its radius in the box; thinner capsules are
+/// dropped.
 const MIN_END_RADIUS: f64 = 0.6;
 const MIN_RADIUS_SHARE: f64 = 0.3;
 
@@ -176,7 +177,7 @@ impl Room {
         (!vertices.is_empty()).then(|| Self((0..DIRECTIONS).map(direction).map(far).collect()))
     }
 
-    /// Radius of the largest sphere about a point inside the hull.
+    /// Radius (m) of the largest sphere about `place` that lies inside the hull.
     fn at(&self, place: &Vector3<f64>) -> f64 {
         self.0.iter().map(|(n, far)| far - n.dot(place)).fold(f64::INFINITY, f64::min)
     }

@@ -1,7 +1,8 @@
 //! Self-collision: pairs of links that may touch each other, with their contact laws (`self_collision`).
 //!
-//! Excluded are a link and its parent (links without shapes are skipped), and pairs that touch in the default pose.
-//! Their shapes overlap by design. Where a file lists the geoms that collide, the list replaces the first rule.
+//! Two kinds of pairs are excluded. First, a link and its nearest ancestor with shapes. Second, links that touch in the
+//! default pose, since their shapes overlap by design. Where a robot's file lists the geoms that collide, this list
+//! replaces the first rule.
 
 use std::ops::Range;
 
@@ -20,19 +21,19 @@ pub(crate) struct Folds {
     pub(crate) capsules: Vec<Capsule>,
     /// Link of each part: a part is a link, or the geoms of a link that share a surface of the file.
     pub(crate) links: Vec<usize>,
-    /// Range of capsules of each part.
+    /// For each part, the range of its capsules in `capsules`.
     pub(crate) own: Vec<Range<usize>>,
     /// Bounding sphere of each part: centre (m, link frame) and radius (m).
     pub(crate) balls: Vec<(Vector3<f64>, f64)>,
     /// Pairs of parts that are checked for collision.
     pub(crate) pairs: Vec<[usize; 2]>,
-    /// Contact law of each pair in the file, if the file has one.
+    /// For each of `pairs`, its contact law in the robot's file, if the file has one.
     pub(crate) laws: Vec<Option<PairLaw>>,
 }
 
 impl Folds {
-    /// The pairs of a robot with these meshes and surfaces, except pairs that touch in pose `q`; and a note that lists
-    /// them.
+    /// Finds the pairs of parts that may collide, except pairs that touch in pose `q`. Also returns a note that counts
+    /// the pairs and lists the links that touch.
     pub(crate) fn new(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, q: &[f64]) -> (Self, String) {
         let (mut folds, mut of_file, mut off) = (Self::default(), Vec::new(), 0.0f64);
         for (link, surface) in (0..robot.links.len())
@@ -52,7 +53,7 @@ impl Folds {
         let solid: Vec<usize> = (0..folds.own.len()).filter(|i| !folds.own[*i].is_empty()).collect();
         let bodied = |link: usize| solid.iter().any(|i| folds.links[*i] == link);
         let above = |i: usize| robot.ancestors(i).skip(1).find(|p| bodied(*p));
-        // `None`: the two never collide.
+        // `None`: parts a and b never collide.
         let law = |[a, b]: [usize; 2]| match (of_file[a], of_file[b]) {
             (Some(a), Some(b)) => surfaces.between(a, b).copied().map(Some),
             _ => (folds.links[a] != folds.links[b] && above(folds.links[b]) != Some(folds.links[a])).then_some(None),
@@ -90,14 +91,14 @@ impl Folds {
         self.pairs.is_empty()
     }
 
-    /// The capsules of a part, in the axes of `data`.
+    /// The capsules of a part, moved to the axes in which `data` holds the link poses.
     #[inline]
     pub(crate) fn placed<'a>(&'a self, part: usize, data: &'a Data) -> impl Iterator<Item = Capsule> + Clone + 'a {
         let link = self.links[part];
         self.capsules[self.own[part].clone()].iter().map(move |c| c.moved(&data.rotation[link], &data.position[link]))
     }
 
-    /// Distance (m) of two parts.
+    /// Distance (m) between two parts, negative if they overlap.
     fn gap(&self, [a, b]: &[usize; 2], data: &Data) -> f64 {
         let gaps = self.placed(*a, data).flat_map(|one| self.placed(*b, data).map(move |other| one.meets(&other).gap));
         gaps.fold(f64::INFINITY, f64::min)
@@ -114,8 +115,8 @@ impl Folds {
     }
 }
 
-/// The parts of a link by surface, limited to surfaces that collide with another link. A link is one part in a file
-/// without surfaces.
+/// The surface of each part of a link, limited to surfaces that may collide with another link. Without surfaces in the
+/// robot's file, a link is one part (`None`).
 fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Vec<Option<usize>> {
     if surfaces.is_empty() {
         return vec![None];
@@ -137,8 +138,8 @@ fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Ve
     own
 }
 
-/// Capsules of a part, from its shapes and meshes, else from convex hulls among its contact points; and the points that
-/// the capsules should cover.
+/// Capsules of a part, from its shapes and meshes, else from convex hulls among its contact points. Also returns the
+/// points that the capsules should cover.
 fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (Vec<Capsule>, Vec<ContactPoint>) {
     let shapes = || robot.links[link].shapes.iter().filter(|shape| surface.is_none() || shape.surface == surface);
     let mut capsules: Vec<_> = shapes().flat_map(Capsule::of_shape).collect();
@@ -165,7 +166,7 @@ fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (V
     (kept, points)
 }
 
-/// A bounding sphere of capsules, not the smallest.
+/// A bounding sphere of capsules, not the smallest one: centre (m) and radius (m).
 fn ball(capsules: &[Capsule]) -> (Vector3<f64>, f64) {
     let centre = capsules.iter().map(|c| c.middle).sum::<Vector3<f64>>() / capsules.len().max(1) as f64;
     let far = |c: &Capsule| (c.middle - centre).norm() + c.half.norm() + c.radius;

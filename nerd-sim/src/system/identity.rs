@@ -10,7 +10,8 @@ use super::motors::Motors;
 use crate::internal::*;
 use crate::scene::PairLaw;
 
-/// Keys of a specification that do not affect data, or that [`System::robot_sha256`] covers.
+/// Keys of a specification that [`System::sha256`] skips: they do not affect data, or [`System::robot_sha256`] covers
+/// them.
 const ELSEWHERE: [&str; 14] = [
     "urdf",
     "truth",
@@ -40,7 +41,8 @@ impl System {
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            // Keys added later are omitted where they have no effect, so that earlier systems keep their hash.
+            // Keys that later versions added are omitted where they have no effect, so that earlier systems keep their
+            // hash.
             let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
             keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
             keys.get_mut("vary")
@@ -112,7 +114,7 @@ impl System {
     }
 }
 
-/// A link without its name; with its shapes only if the link has contact points.
+/// Canonical form of a link: without its name, and with its shapes only if the link has contact points.
 fn link(link: &Link, touching: bool) -> Value {
     let body = &link.inertia;
     let shapes = link.shapes.iter().filter(|_| touching).map(shape);
@@ -140,7 +142,7 @@ fn joint(joint: &Joint) -> Value {
         "friction": joint.friction,
         "armature": joint.armature,
     });
-    // Omitted where it has no effect, so that earlier robots keep their hash.
+    // A joint without a spring omits the key, so that earlier robots keep their hash.
     if joint.stiffness > 0.0 {
         value["spring"] = json!([joint.stiffness, joint.rest]);
     }
@@ -160,7 +162,7 @@ fn shape(shape: &Shape) -> Value {
     on(json!([kind, sizes, pose(&shape.pose)]), shape.surface)
 }
 
-/// A contact shape, with its surface where the file has surfaces.
+/// Appends the index of its surface to a contact shape's numbers, if the shape has a surface.
 fn on(mut solid: Value, surface: Option<usize>) -> Value {
     if let (Value::Array(solid), Some(surface)) = (&mut solid, surface) {
         solid.push(json!(surface));
@@ -189,7 +191,7 @@ fn feed(value: &Value, hash: &mut Sha256) {
         Value::Bool(is) => hash.update([1, u8::from(*is)]),
         Value::Number(x) => {
             hash.update([2]);
-            // -0 + 0 is 0.
+            // Adding 0 turns -0 into 0.
             hash.update((x.as_f64().unwrap_or(f64::NAN) + 0.0).to_le_bytes());
         }
         Value::String(x) => {

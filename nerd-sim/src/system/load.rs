@@ -32,7 +32,7 @@ impl System {
         }
         let beside = path.with_extension("toml");
         let spec = beside.exists().then(|| read(&beside)).transpose()?;
-        // The error names the file.
+        // In the error, the path replaces the file's stem.
         let system = Self::read(&stem, &read(path)?, spec.as_deref(), Some(path)).map_err(|e| match e {
             SystemError::Urdf(_, reason) => SystemError::Urdf(name.into(), reason),
             other => other,
@@ -48,8 +48,9 @@ impl System {
         }
     }
 
-    /// From the text of a URDF or MJCF and of a specification. Without a specification as [`System::bare`], with the
-    /// file's base, else a fixed base. No file is known here, and `urdf` in the specification has no effect.
+    /// Builds a system from the text of a URDF or MJCF and the text of a specification (TOML). Without a specification,
+    /// the result is that of [`System::bare`], with the base that the robot's text states, else a fixed base. The key
+    /// `urdf` of the specification has no effect, since no file is read.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         Self::read(name, urdf, spec, None)
     }
@@ -139,12 +140,13 @@ impl System {
         made.map_err(|error| reported(error, silent, rooted))
     }
 
-    /// From the text of a URDF or MJCF alone: gravity along -z unless the file sets it, frames of 1/60 s, no torque.
+    /// Builds a system from the text of a URDF or MJCF alone. Frames take 1/60 s, torques are zero, and gravity points
+    /// along -z unless the text sets it.
     pub fn bare(name: &str, text: &str, floating: bool) -> Result<Self, SystemError> {
         Self::bare_at(name, text, floating, None)
     }
 
-    /// As [`System::bare`], with meshes found relative to the file at `path`.
+    /// Builds the system of [`System::bare`]; meshes are found relative to the file at `path`.
     pub fn bare_at(name: &str, text: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
         Self::moving(name, &file, floating, path)
@@ -163,7 +165,7 @@ impl System {
         Self::new(name, read, world, spec, Source::Derived)
     }
 
-    /// A cable, from the text of its specification: `[cable]` and other keys.
+    /// Builds a cable from the text of its specification: `[cable]` and other keys.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, SystemError> {
         let wrong = |e: String| SystemError::spec(name, e);
         let mut own: Table = toml::from_str(&renewed(name, text)?).map_err(|e| wrong(e.to_string()))?;
@@ -219,7 +221,7 @@ fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
     check(&spec, robot).map_err(|e| format!("{together}: {e}"))
 }
 
-/// The robot of a file on the base that is asked for, else on the likelier one.
+/// Reads the robot of a file with the base that `floating` asks for; with `None`, with the likelier base.
 fn based(
     file: &Description,
     path: Option<&Path>,
@@ -250,8 +252,8 @@ fn based(
     }
 }
 
-/// Errors in derived keys are reported as errors of the file: no user wrote these keys.
-/// `silent`: the user wrote none; `rooted`: the user wrote `[root]`.
+/// Reports errors in derived keys as errors of the robot's file, since no user wrote these keys. `silent`: the user
+/// wrote no keys; `rooted`: the user wrote `[root]`.
 fn reported(error: SystemError, silent: bool, rooted: bool) -> SystemError {
     match error {
         SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(

@@ -4,8 +4,8 @@ use crate::internal::*;
 use crate::scene::Meeting;
 
 impl System {
-    /// Energy (J) stored in the springs of contacts, joints and joint limits: `k g^2 / 2` for each spring at deflection
-    /// g.
+    /// Energy (J) stored in the springs of contacts, joints and joint limits. A spring with stiffness k (N/m or N
+    /// m/rad) and deflection g (m or rad) stores `k g^2 / 2`.
     pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
         let (robot, mut events) = (&self.robot, Vec::new());
         contacts(self, scene, state, data, &mut events);
@@ -39,8 +39,8 @@ impl System {
     }
 }
 
-/// Writes the contact event of every contact point of a robot at `state` into `events`. Also leaves the kinematics in
-/// `data`.
+/// Writes the contact event of every contact point of a robot at `state` into `events`. Also leaves the robot's
+/// kinematics at `state` in `data`.
 pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
     let robot = &system.robot;
     kinematics(robot, state, data);

@@ -1,8 +1,8 @@
-//! Merges the keys of one TOML over the keys of another, so that a specification needs only the differences.
+//! Merges the keys of one TOML over the keys of another, so that a specification needs only the keys that differ.
 //!
-//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is
-//! a few lines. `like = "urdf"` derives missing keys from the URDF (`derive.rs`). A cable's missing keys come from its
-//! data sheet.
+//! `like = "ant"` takes missing keys from the file of the built-in robot `ant`. The file of `ant-paper`, the Ant of the
+//! reference simulator, thus has only a few lines. `like = "urdf"` derives missing keys from the URDF (`derive.rs`). A
+//! cable's missing keys come from its data sheet.
 
 use toml::Table;
 
@@ -23,8 +23,8 @@ impl Spec {
         Ok(like.then_some(own))
     }
 
-    /// This specification with the keys of `own` over it: material and joints (by name) key by key, scenes by name, all
-    /// other keys as a whole.
+    /// This specification, with its keys replaced by those of `own`. Material and joints (found by name) are replaced
+    /// key by key, scenes by name, all other keys as a whole.
     pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
         if own.is_empty() {
             return Ok(self);
@@ -45,7 +45,7 @@ impl Spec {
             for joint in given {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
                     (Some(toml::Value::Table(known)), toml::Value::Table(given)) => {
-                        // A gain equal to the old torque takes the new torque.
+                        // A gain that equals the old torque is a default, which the new torque replaces.
                         if given.contains_key("torque") && known.get("gain") == known.get("torque") {
                             known.remove("gain");
                         }

@@ -1,4 +1,4 @@
-//! Systems: a robot and its specification (everything a URDF leaves open), from names, files or text.
+//! Systems: a robot and its specification (all that a URDF leaves open), read from a name, a file or text.
 
 mod build;
 mod built_in;

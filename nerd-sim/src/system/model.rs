@@ -49,15 +49,15 @@ impl SystemError {
 pub enum Source {
     /// Derived from the robot's file.
     Derived,
-    /// Written for the robot.
+    /// Written in a TOML for this robot.
     Specified,
     /// A data sheet `[cable]` ([`crate::cable`]).
     Cable,
 }
 
 impl Source {
-    /// Description of the starts of a system (`rooted`: with `[root]`), and the setting that would lift them clear of
-    /// the scene.
+    /// Returns two texts for an error: the ranges of a system's starts, and advice that would bring the starts clear of
+    /// the scene. `rooted`: whether the system has `[root]`.
     pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
         match (self, rooted) {
@@ -98,13 +98,13 @@ pub struct System {
     pub meshes: Vec<MeshFile>,
     /// Shapes of a fixed base, in the base frame; part of every scene except `free`.
     pub base: Vec<Shape>,
-    /// Static objects in the world of the robot's file: its scene [`GROUND`].
+    /// Static objects in the world of the robot's file; they form the scene [`GROUND`].
     pub world: Vec<Collider>,
     /// Contact laws between geoms of the robot's file.
     pub surfaces: Arc<Surfaces>,
-    /// Largest contact margin of these laws (m).
+    /// Largest contact margin (m) of the laws in `surfaces`.
     pub(crate) margin: f64,
-    /// Friction coefficient of all these contacts, if drawn or fitted.
+    /// Friction coefficient of all contacts with a law in `surfaces`, if it is drawn or fitted.
     pub one_friction: Option<f64>,
     /// Actuator and sensor model.
     pub motors: Motors,
@@ -112,8 +112,8 @@ pub struct System {
     pub(crate) file: (Arc<Bodies>, Option<PathBuf>),
     /// Drawn parameters, by [`crate::vary::columns`]; empty for the nominal robot.
     pub drawn: Vec<f64>,
-    /// For each link, the link with the inertia that replaces it in the mass matrix. Empty unless a simulator's fault
-    /// is reproduced.
+    /// For each link, index of the link whose inertia replaces its own in the mass matrix. Empty unless a simulator's
+    /// fault is reproduced.
     pub(crate) stand_ins: Vec<usize>,
     pub(crate) folds: Folds,
 }
@@ -167,7 +167,7 @@ impl System {
         self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)
     }
 
-    /// The specification as TOML: with `urdf = ...` it can be put beside the robot's file and edited.
+    /// The specification as TOML: with a line `urdf = ...`, this text can be put beside the robot's file and edited.
     pub fn spec_text(&self) -> String {
         if self.source != Source::Cable {
             return toml::to_string(&self.spec).unwrap_or_default();
@@ -198,7 +198,7 @@ impl System {
         Ok(())
     }
 
-    /// The default state `[q, qd]` with zero velocities; a root is by default upright at the origin.
+    /// The default state `[q, qd]` with zero velocities. Without `[root]`, a floating root is upright at the origin.
     pub fn default_state(&self) -> Vec<f64> {
         let mut state = self.robot.zero_state();
         if let Some(root) = &self.spec.root {
@@ -259,7 +259,7 @@ impl System {
         Ok(own)
     }
 
-    /// The system with an added scene `terrain`: ground of this kind, with nothing on it.
+    /// The system with an added scene `terrain`: the ground that `terrain` describes, without objects.
     ///
     /// # Errors
     /// If a number of `terrain` is out of range.

@@ -1,11 +1,11 @@
-//! Actuator and sensor model between a robot's joints and its controller. [`crate::rig`] steps it.
+//! Actuator and sensor model between a robot's joints and its controller. [`crate::rig`] steps this model.
 
 /// Largest delay of torques (frames).
 pub const LATEST: f64 = 2.0;
-/// Periods of torque ripple per rad or m, times 2 pi: the ripple is `sin(WAVES q)`.
+/// Wave number of torque ripple (1/rad or 1/m): at joint position q, the ripple is an amplitude times `sin(WAVES q)`.
 pub(crate) const WAVES: f64 = 6.0;
 
-/// Actuators and sensors of a robot's joints. Empty lists mean ideal ones.
+/// Actuators and sensors of a robot's joints. Empty lists mean ideal actuators and sensors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motors {
     /// Delay of torques (frames), 0 to 2.
@@ -14,15 +14,15 @@ pub struct Motors {
     pub strength: Vec<f64>,
     /// Joint positions (rad or m) where the sensors read 0.
     pub zeros: Vec<f64>,
-    /// Torque ripple of each joint (N m or N): each frame adds this times the sine of six times the position at its
-    /// start. Analytic solvers do not model ripple.
+    /// Amplitude of each joint's torque ripple (N m or N). A frame adds the amplitude times `sin(6 q)`, with the joint
+    /// position q (rad or m) at the frame's start. Analytic solvers do not model ripple.
     pub ripple: Vec<f64>,
     /// Torque-speed line of each joint's DC motor: stall torque (N m or N) and no-load speed (rad/s or m/s). The line
     /// bounds a frame's torque at the velocity of the frame's start.
     pub lines: Vec<[f64; 2]>,
-    /// Standard deviation of the sensors' white noise, per joint (rad or m): on position, and divided by the frame time
-    /// on velocity. Recordings ([`crate::dataset`]) and observations ([`crate::disturb`]) have noise; stepped states do
-    /// not.
+    /// Standard deviation of white noise on each joint's measured position (rad or m). On measured velocity it is this
+    /// value divided by the frame time (s). Recordings ([`crate::dataset`]) and observations ([`crate::disturb`]) have
+    /// noise; stepped states do not.
     pub noise: f64,
     /// Standard deviation of the noise on position (m) and orientation (rad) of a free root.
     pub root_noise: [f64; 2],
@@ -41,8 +41,8 @@ impl Motors {
             && self.lines.is_empty()
     }
 
-    /// Torques of a frame. `asked`: commanded torques of this frame, the last frame and so on; `positions` and
-    /// `velocities`: true joint state.
+    /// Writes the joint torques of a frame (N m or N) to `out`. `asked`: commanded torques `[frame][joint]`, from this
+    /// frame backwards. `positions` and `velocities`: true joint state at the frame's start.
     pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], velocities: &[f64], out: &mut [f64]) {
         late(self.delay, asked, out);
         for (tau, ([rest, top], qd)) in out.iter_mut().zip(self.lines.iter().zip(velocities)) {
@@ -57,8 +57,8 @@ impl Motors {
     }
 }
 
-/// Mean over a frame of torques delayed by `delay` frames. `asked`: commanded torques of this frame, the last frame and
-/// so on; the oldest stands for all earlier ones.
+/// Mean over a frame of torques delayed by `delay` frames. `asked`: commanded torques `[frame][joint]`, from this frame
+/// backwards; frames before the oldest count as equal to it.
 pub(crate) fn late(delay: f64, asked: &[&[f64]], out: &mut [f64]) {
     let (whole, last) = (delay as usize, asked.len() - 1);
     let [now, before] = [whole, whole + 1].map(|k| asked[k.min(last)]);

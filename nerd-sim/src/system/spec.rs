@@ -14,7 +14,7 @@ pub struct Spec {
     /// Name of the URDF file, in the folder of this file [default: name of this file, with .urdf]. Any other file is
     /// refused.
     pub urdf: Option<String>,
-    /// Whether the root is free.
+    /// Whether the root link floats with six degrees of freedom; otherwise it is fixed.
     pub floating: bool,
     /// Frame time (s), a number or a fraction such as `1/60`.
     #[serde(deserialize_with = "frame_time")]
@@ -39,14 +39,14 @@ pub struct Spec {
     /// Material of the robot, and of scenes without a material.
     #[serde(default)]
     pub material: Material,
-    /// Random planes in the training data.
+    /// Random ground planes of the training data, one per trajectory.
     pub random_plane: Option<RandomPlane>,
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
     /// Random pegs in the training data, on the ground of `data_scene`.
     pub random_pegs: Option<RandomPegs>,
-    /// Time (s) from one random torque to the next, drawn once per trajectory; torques follow a smooth curve in between
-    /// [default: a new torque every frame].
+    /// Time (s) from one random torque to the next, drawn once per trajectory [default: a new torque every frame].
+    /// Torques follow a smooth curve in between.
     pub smooth: Option<Range>,
     /// Ranges of parameters drawn for each trajectory; see [`crate::vary`].
     pub vary: Option<VarySpec>,
@@ -54,17 +54,18 @@ pub struct Spec {
     pub control: Option<ControlSpec>,
     /// Default pose and starts of a floating root.
     pub root: Option<RootSpec>,
-    /// By link, the link with the inertia that replaces it in the mass matrix; see [`nerd_core::robot::Robot`].
+    /// Names of links, each with the link whose inertia replaces its own in the mass matrix; see
+    /// [`nerd_core::robot::Robot`].
     #[serde(default)]
     pub mass_matrix_of: BTreeMap<String, String>,
     /// Maximum number of contact points from a link's collision meshes; 0 skips meshes.
     #[serde(default = "mesh_points")]
     pub mesh_points: usize,
-    /// Whether links of the robot collide with each other. Excluded: a link with its parent, and pairs that touch in
-    /// the default pose.
+    /// Whether links of the robot collide with each other. Not checked: a link with its parent, and pairs of links that
+    /// touch in the default pose.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub self_collision: bool,
-    /// Joints.
+    /// Entries `[[joint]]`, one per moving joint.
     #[serde(default, rename = "joint")]
     pub joints: Vec<JointSpec>,
     /// Contact points.
@@ -99,7 +100,7 @@ pub enum Refresh {
 pub struct RandomPlane {
     /// Largest distance of the plane from the first link (m).
     pub reach: f64,
-    /// Least gap between the start and the plane (m).
+    /// Least distance (m) between the robot at its start and the plane.
     pub clearance: f64,
 }
 
@@ -107,7 +108,7 @@ pub struct RandomPlane {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomPegs {
-    /// Number of pegs. A peg is left out where no place clear of the start is found.
+    /// Number of pegs. A peg is left out if no place clear of the robot's start is found.
     pub count: usize,
     /// Radius (m).
     pub radius: Range,
@@ -121,12 +122,12 @@ pub struct RandomPegs {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ControlSpec {
-    /// Whether the target is relative to the joint's position instead of its default.
+    /// Whether the target is an offset from the joint's current position instead of from its default position.
     #[serde(default)]
     pub relative: bool,
     /// Displacement of the target per unit action (rad or m).
     pub scale: f64,
-    /// Whether torques are clamped to the joints' gains.
+    /// Whether each joint's torque is clamped to plus or minus its `gain` (N m or N).
     #[serde(default)]
     pub clamp: bool,
     /// Whether the law uses the predicted state at the end of the frame, which keeps stiff gains stable; see
@@ -134,10 +135,10 @@ pub struct ControlSpec {
     #[serde(default)]
     pub stable_pd: bool,
     /// Whether the law acts inside the frame, like the inner loop of a servo, with solvers that have drives
-    /// ([`crate::drive`]). With other solvers `stable_pd` applies.
+    /// ([`crate::drive`]). Solvers without drives use the law as `stable_pd` sets it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub servo: bool,
-    /// Generates training data with this law, under random actions and gains drawn every frame.
+    /// If given, training data uses this law, with random actions and with gains drawn every frame.
     pub data: Option<RandomGains>,
 }
 
@@ -145,9 +146,9 @@ pub struct ControlSpec {
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct RandomGains {
-    /// Range of kp.
+    /// Range of the stiffness kp (N m/rad or N/m).
     pub kp: Range,
-    /// Range of kd.
+    /// Range of the damping kd (N m s/rad or N s/m).
     pub kd: Range,
 }
 
@@ -182,7 +183,7 @@ pub struct RootStart {
     /// Velocity of the root's origin in body axes (m/s).
     #[serde(deserialize_with = "exactly")]
     pub velocity: [Range; 3],
-    /// Starts are redrawn until all contact points are at least this far from the training data's scene (m).
+    /// Least distance (m) of all contact points from the training data's scene; closer starts are drawn again.
     pub clearance: Option<f64>,
 }
 
@@ -200,16 +201,17 @@ pub struct JointSpec {
     /// Inertia of the drive train, felt at the joint (kg m^2 or kg).
     #[serde(default)]
     pub armature: f64,
-    /// Spring and damper beyond the URDF's limits; with both 0 the joint has no limits.
+    /// Spring and damper that act beyond the URDF's position limits; with both 0 the joint has no limits.
     ///
     /// Default: stiffness `I (0.2 / dt)^2` and critical damping. `dt` is the substep of `paper`; I is the least inertia
-    /// felt at the joint over a few poses with all other joints free. It is larger where the URDF's effort would push
-    /// the joint beyond a limit by more than 4 % of its range. The increase is at most a factor of 100.
+    /// felt at the joint over a few poses with all other joints free. The stiffness is larger where the URDF's effort
+    /// would push the joint beyond a limit by more than 4 % of the joint's range. The increase is at most a factor of
+    /// 100.
     pub limit: Option<LimitSpec>,
     /// Stiffness of a spring over the whole range (N m/rad or N/m).
     #[serde(default, skip_serializing_if = "is_zero")]
     pub stiffness: f64,
-    /// Rest position of this spring (rad or m).
+    /// Rest position (rad or m) of the spring with `stiffness`.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub rest: f64,
     /// Amplitude of random torques (N m or N).
@@ -230,8 +232,8 @@ pub struct JointSpec {
 }
 
 impl JointSpec {
-    /// Torque limit of the joint's motor (N m or N): the first positive finite one of torque of a unit action, effort
-    /// in the robot's file, and `kp`; else 1.
+    /// Torque limit (N m or N) of the joint's motor. It is the first positive finite number among the torque of a unit
+    /// action, the effort in the robot's file, and `kp`; else 1.
     pub fn torque_limit(&self, joint: &Joint) -> f64 {
         let known = [self.gain.unwrap_or(self.torque), joint.effort, self.kp];
         known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)
@@ -269,18 +271,20 @@ pub struct ContactSpec {
     /// Position in the link frame of the robot's file (m); for a disc its centre.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub point: Option<[f64; 3]>,
-    /// Axis of a disc, in the same frame.
+    /// Axis of a disc, in the link frame of the robot's file.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Radius of a disc (m). A disc gets three contact points.
     pub rim: Option<f64>,
-    /// In place of `point`: vertices (m, same frame); the deepest vertex is in contact.
+    /// Vertices of a convex hull (m, link frame of the robot's file), in place of `point`. The deepest vertex is in
+    /// contact.
     #[serde(default, deserialize_with = "all", skip_serializing_if = "Vec::is_empty")]
     pub vertices: Vec<[f64; 3]>,
     /// Distance at which contact forces begin (m) [default: 1e-5].
     #[serde(default = "sharp")]
     pub radius: f64,
-    /// Distance scale of the contact mask: contacts beyond `max(4 thickness, 0.1)` (m) are masked [default: `radius`].
+    /// Distance scale (m) of the contact mask: contacts farther away than `max(4 thickness, 0.1)` are masked [default:
+    /// `radius`].
     pub thickness: Option<f64>,
 }
 

@@ -26,15 +26,15 @@ impl Start {
     }
 }
 
-/// Number of draws after which a specification is refused as too strict.
+/// Maximum number of draws of a start; a specification without a clear start among them is refused.
 pub(crate) const MAX_DRAWS: usize = 10_000;
 
 /// Penetration (m) beyond which an overlap is reported.
 const MAX_OVERLAP: f64 = 1e-3;
 
-/// The first of [`MAX_DRAWS`] starts with the clearance from the data's scene that the specification requires. A robot
-/// on a fixed base must not start inside the scene. Inside static objects of its file, it may start no deeper than in
-/// its default pose.
+/// The first of [`MAX_DRAWS`] drawn starts with the clearance from the data's scene that the specification requires. A
+/// robot on a fixed base must not start inside the scene. In static objects of its file, a robot on a fixed base may
+/// start as deep as in its default pose.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
@@ -112,7 +112,8 @@ pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64
     state
 }
 
-/// Writes a root's twist about the world's origin, from its position and its velocities (angular, linear) in body axes.
+/// Writes a root's twist (rad/s, m/s) about the world's origin. `p`, `pose`: the root's position (m) and orientation;
+/// `w`, `v`: its angular and linear velocity in body axes.
 pub(crate) fn write_twist(
     out: &mut [f64],
     (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>),

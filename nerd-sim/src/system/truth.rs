@@ -20,18 +20,17 @@ pub enum Truth {
     Rapier,
 }
 
-/// Steps per frame of rapier as a truth: contacts are found 240 times a second at 60 frames, with rapier's default of 4
-/// iterations. More steps change the motion without converging: on the Ant, 8 steps differ from 4 as much as 16 from 8.
-/// A model also learns rapier's faults, such as a fast tip sinking 29 mm into the ground
-/// (`nerd-sim/tests/solvers/rapier.rs`; `results/stability`). A new world every frame, in the axes of a floating root,
-/// makes the next state a function of the state alone. There is no warm start and no influence of other trajectories or
-/// of the heading.
+/// Steps per frame of rapier as a truth: at 60 frames/s, contacts are found 240 times a second. Each step has rapier's
+/// default of 4 iterations. More steps change the motion without converging. On the Ant, the motions with 8 and 4 steps
+/// differ as much as those with 16 and 8. A model also learns rapier's faults, such as a fast tip sinking 29 mm into
+/// the ground (`nerd-sim/tests/solvers/rapier.rs`; `results/stability`). Every frame is stepped in a new rapier world,
+/// in the axes of a floating root. The next state thus depends on no warm start, other trajectory or heading.
 #[cfg(feature = "rapier")]
 pub(crate) const STEPS: usize = 4;
 #[cfg(feature = "rapier")]
 pub(crate) const ITERATIONS: usize = 4;
 
-/// Prefix of the name of a truth that is recorded motion; the name of its log follows. No solver steps it.
+/// Prefix of the name of a truth that is recorded motion; the name of its log follows. No solver steps such a truth.
 pub const RECORDED: &str = "recorded ";
 
 impl Truth {

@@ -1,18 +1,18 @@
 //! Validates a specification: ranges with their units, names, and consistency with the robot. A valid specification can
 //! be simulated and sampled.
 //!
-//! Bounds lie far beyond any robot, but low enough that products of a few such numbers are finite.
+//! Bounds lie far beyond the numbers of any robot. Products of a few numbers at their bounds are still finite.
 
 use std::collections::HashSet;
 
 use super::spec::{ContactSpec, ControlSpec, JointSpec, RootSpec, RootStart};
 use crate::{internal::*, scene::WORLDS};
 
-/// Maximum number of substeps per frame: a robot with ten joints takes a tenth of a second for them.
+/// Maximum number of substeps per frame: for a robot with ten joints, such a frame takes 0.1 s to compute.
 pub(crate) const MAX_SUBSTEPS: usize = 100_000;
 /// Largest position (m).
 const MAX_POSITION: f64 = 1e7;
-/// Largest angle (rad), length at a joint or radius (m).
+/// Largest angle (rad), displacement of a sliding joint (m) or size of a shape (m).
 const MAX_ANGLE_OR_LENGTH: f64 = 1e6;
 /// Largest velocity (rad/s or m/s).
 const MAX_VELOCITY: f64 = 1e6;
@@ -88,7 +88,7 @@ fn contact(i: usize, contact: &ContactSpec, robot: &Robot) -> Result<(), String>
     within(at("thickness"), contact.thickness.unwrap_or(0.0), 0.0..=MAX_ANGLE_OR_LENGTH, "m")
 }
 
-/// Checks the laws of random scenes.
+/// Checks the ranges of random planes and pegs.
 fn random(spec: &Spec) -> Result<(), String> {
     if let Some(plane) = &spec.random_plane {
         within("random_plane.reach", plane.reach, 0.0..=MAX_POSITION, "m")?;
@@ -111,7 +111,7 @@ fn laws(key: &str, ranges: &[Range], most: f64, unit: &str) -> Result<(), String
     ranges.iter().enumerate().try_for_each(|(i, range)| law(&format!("{key}[{i}]"), range, -most..=most, unit))
 }
 
-/// Checks that every joint of the robot has one entry, in any order, and each entry.
+/// Checks that every joint of the robot has one `[[joint]]` entry, in any order. Also checks each entry.
 fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     let names = || robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>();
     let mut seen = HashSet::new();
@@ -122,7 +122,7 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
-        // A default pose may exceed a limit slightly, since files round it.
+        // A default position may exceed a limit by up to 1 (rad or m), since files round positions.
         let beyond = |limit: &Limit| joint.default_q < limit.lower - 1.0 || joint.default_q > limit.upper + 1.0;
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
             let (low, high, name) = (limit.lower, limit.upper, &joint.name);
@@ -144,7 +144,7 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
     }
 }
 
-/// Checks one joint's entry; `earlier` names the joints before it.
+/// Checks one joint's entry; `earlier`: names of the joints before this one.
 fn joint(joint: &JointSpec, slides: bool, earlier: &[&str]) -> Result<(), String> {
     let at = |key: &str| format!("[[joint]] name = {:?}: {key}", joint.name);
     let unit = |turning, sliding| if slides { sliding } else { turning };

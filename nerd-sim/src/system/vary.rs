@@ -40,18 +40,19 @@ pub struct VarySpec {
     pub delay: Option<Range>,
     /// Position of each joint where its sensor reads 0 (rad or m).
     pub zero: Option<Range>,
-    /// No-load speed of each joint's motor (rad/s or m/s). Its torque falls linearly to zero from
-    /// [`super::JointSpec::torque_limit`] at zero velocity.
+    /// No-load speed of each joint's motor (rad/s or m/s). The motor's torque falls linearly from
+    /// [`super::JointSpec::torque_limit`] at zero velocity to zero at this speed.
     pub top_speed: Option<Range>,
-    /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no model is
-    /// conditioned on it.
+    /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no learned model
+    /// is conditioned on ripple.
     pub ripple: Option<Range>,
-    /// Standard deviation of each joint sensor's white noise (rad or m): on position, and divided by the frame time on
-    /// velocity. Recordings ([`crate::dataset::Recording::shown`]) and observations have noise; no solver steps it.
+    /// Standard deviation of white noise on each joint's measured position (rad or m). On measured velocity it is this
+    /// value divided by the frame time (s). Recordings ([`crate::dataset::Recording::shown`]) and observations have
+    /// noise; stepped states do not.
     pub noise: Option<Range>,
     /// Standard deviation of noise on the measured position of a free root (m).
     pub root_noise: Option<Range>,
-    /// Standard deviation of noise on its measured orientation (rad).
+    /// Standard deviation of noise on the measured orientation of a free root (rad).
     pub orientation_noise: Option<Range>,
     /// Delay of observations in whole frames, 0 to 2: a drawn number is rounded.
     pub lag: Option<Range>,
@@ -62,7 +63,7 @@ pub struct VarySpec {
     pub push_every: Option<f64>,
 }
 
-/// Bounds of a factor.
+/// Bounds of a range that multiplies a nominal value.
 const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {

@@ -1,4 +1,4 @@
-//! Visual shapes of a robot: for each link of its file the visual shapes, else the collision shapes; a mesh becomes a
+//! Visual shapes of a robot: for each link of its file the visual shapes, else the collision shapes. A mesh becomes a
 //! convex hull with few vertices. Visual shapes do not affect motion, so unreadable ones are left out.
 
 use nerd_core::robot::{Form, Shape, Solid};
@@ -31,8 +31,8 @@ pub enum Geometry {
 }
 
 impl System {
-    /// Visual shapes of the robot; meshes are read from their files again. Primitives of a fixed base are left out:
-    /// scenes have them.
+    /// Visual shapes of the robot; meshes are read from their files again. Primitives of a fixed base are left out,
+    /// since the scenes contain them.
     pub fn visuals(&self) -> Vec<Visual> {
         let (file, path) = &self.file;
         if file.bodies.is_empty() {

@@ -1,4 +1,4 @@
-//! Static objects in the world of a robot's file, and the softness of its contacts.
+//! Static objects in the world of a robot's file, and stiffness and damping of the robot's contacts.
 
 use nerd_core::robot::Form;
 use parry3d_f64::shape::SharedShape;
@@ -105,7 +105,8 @@ fn pyramid(law: &PairLaw, elliptic: bool, impratio: f64) -> f64 {
 /// Stiffness (N/m) and damping (N s/m) of a contact with inverse inertia A = `inverse` (1/kg), at rest under a load
 /// (N).
 ///
-/// At penetration r, MuJoCo's contact has the impedance d(r) and the force `(b v + k d r) d / ((1 - d) A)`.
+/// At penetration r (m) and closing velocity v (m/s), MuJoCo's contact has the impedance d(r) and the force
+/// `(b v + k d r) d / ((1 - d) A)`.
 fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] {
     let [d0, wide, width, middle, power] = softness.solimp;
     let bound = |x: f64| x.clamp(1e-4, 0.9999);
@@ -137,7 +138,8 @@ fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] 
     [stiffness(high), b * share(high)]
 }
 
-/// For each link, the mean over directions of `J M^-1 J^T` at its centre of mass, at zero coordinates (1/kg).
+/// For each link, its inverse effective mass (1/kg) at its centre of mass and zero coordinates: `J M^-1 J^T`, averaged
+/// over directions.
 pub(crate) fn inverse_weights(robot: &Robot) -> Result<Vec<f64>, String> {
     let (mut data, mut factor, state) = (Data::new(robot), Factor::new(robot), robot.zero_state());
     kinematics(robot, &state[..robot.nq()], &mut data);

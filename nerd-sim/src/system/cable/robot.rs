@@ -3,7 +3,7 @@
 use super::spec::{CableSpec, Support};
 use crate::{internal::*, system::derive::rounded};
 
-/// Ratio of damping to stiffness (s) if no damping is given: leads, hoses and ropes lose a bend quickly, and an
+/// Ratio of damping to stiffness (s) if no damping is given. Leads, hoses and ropes lose a bend quickly, and an
 /// undamped chain of springs would oscillate with growing amplitude.
 const DAMPING_TIME: f64 = 0.01;
 /// Natural frequency (rad/s) of a gripper's axes: 4 Hz.
@@ -66,8 +66,8 @@ impl CableSpec {
         robot
     }
 
-    /// Adds the six axes of the gripper and returns its link, the last. It has the mass of a rod; the inertia of the
-    /// axes is their armature.
+    /// Adds the six axes of the gripper and returns the index of the gripper's link. The gripper has the mass of a rod;
+    /// the axes have inertia only as armature.
     fn carriage(&self, robot: &mut Robot) -> usize {
         let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
         let (slide, turn) = (JointKind::Prismatic, JointKind::Continuous);
@@ -96,7 +96,8 @@ impl CableSpec {
         5
     }
 
-    /// Armature and stiffness of a gripper axis: large enough that the cable hardly moves it.
+    /// Armature (kg or kg m^2) and stiffness (N/m or N m/rad) of a gripper axis: large enough that the cable hardly
+    /// moves the gripper.
     fn drive(&self, slides: bool) -> (f64, f64) {
         let stiffness = if slides {
             10.0 * self.mass * GRIPPER_FREQUENCY * GRIPPER_FREQUENCY

@@ -12,7 +12,7 @@ const MAX_RODS: f64 = 3000.0;
 #[serde(rename_all = "lowercase")]
 pub enum Support {
     /// A gripper on three slides (x, y, z) and three hinges (yaw, pitch, roll). Each has a critically damped spring
-    /// about zero, like an arm under impedance control. A force `stiffness x` moves the gripper to x.
+    /// about zero, like an arm under impedance control. A force of `stiffness` times x (N) moves the gripper to x (m).
     #[default]
     Gripper,
     /// A fixed clamp.
@@ -33,9 +33,9 @@ pub struct CableSpec {
     pub mass: f64,
     /// Bending stiffness E I (N m^2).
     pub bending: f64,
-    /// Torsional stiffness G J (N m^2); without it the cable does not twist.
+    /// Torsional stiffness G J (N m^2); without a value the cable does not twist.
     pub twisting: Option<f64>,
-    /// Damping of bending: moment per rate of curvature (N m^2 s). Damping of twisting has the same ratio to its
+    /// Damping of bending: moment per rate of curvature (N m^2 s). Damping of twisting has the same ratio to torsional
     /// stiffness [default: 0.01 s times the stiffness].
     pub damping: Option<f64>,
     /// Number of rods.

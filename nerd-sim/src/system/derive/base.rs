@@ -3,14 +3,15 @@
 use super::limits::pose;
 use crate::internal::*;
 
-/// Distance (m) to the base below which a contact point, in any pose, counts as mounted on the base.
+/// Distance (m) from a contact point to the base, in any tested pose, below which the point counts as mounted on the
+/// base.
 const MAX_MOUNT_DISTANCE: f64 = 1e-3;
 /// Number of random poses for testing the links on the base, in addition to the first pose.
 const RANDOM_POSES: usize = 16;
 
 /// Selects the shapes of the base that a robot can touch. Contact points of links joined to the base are removed if
-/// they touch it in some pose: they are mounted there. A base shape that encloses other links at `state` is left out,
-/// with a note.
+/// they touch the base in some pose, since they are mounted there. A base shape that encloses other links at `state` is
+/// left out, with a note.
 pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes: &mut Vec<String>) -> Vec<Shape> {
     let Base::Fixed(at) = robot.base else { return Vec::new() };
     if shapes.is_empty() {

@@ -11,14 +11,14 @@ use crate::system::mjcf::Description;
 const MIN_UP_COSINE: f64 = 0.1;
 /// Penetration (m) beyond which a robot is lifted out of the solids of its file's world.
 const MAX_PENETRATION: f64 = 1e-3;
-/// Lifting: step as a share of the robot's extent, and maximum number of steps.
+/// Lifting of a robot out of solids: height of a step as a share of the robot's extent, and maximum number of steps.
 const LIFT_STEP: (f64, usize) = (0.05, 200);
 
 /// A plane, and the world axis that leads up from the plane.
 pub(crate) struct Ground {
     pub up: Vector3<f64>,
     pub plane: Plane,
-    /// Index of that axis, and its sign.
+    /// Index (0 to 2) of the world axis that leads up from the plane, and its sign (1 or -1).
     axis: (usize, f64),
     /// The other solids of the file's world, and their contact properties.
     solids: Scene,
@@ -53,8 +53,8 @@ impl Ground {
         Self { up, axis: (axis, up[axis].signum()), plane, solids, surfaces: surfaces.clone() }
     }
 
-    /// Distance (m) along the axis that lifts a robot out of a solid; 0 without deep penetration, or if no distance
-    /// clears it.
+    /// Distance (m) along the up axis that lifts a robot out of the solids. It is 0 if no contact point is deeper than
+    /// [`MAX_PENETRATION`], or if no tested distance clears the robot.
     pub fn lift(&self, robot: &Robot, state: &[f64], [extent, clearance]: [f64; 2]) -> f64 {
         let (mut data, mut state) = (Data::new(robot), state.to_vec());
         let (step, most) = (LIFT_STEP.0 * extent, LIFT_STEP.1);
@@ -72,25 +72,25 @@ impl Ground {
         (1..=most).find(|_| nearest()[0] >= clearance).map_or(0.0, |k| k as f64 * step)
     }
 
-    /// Cosine between the axis and the plane's normal.
+    /// Cosine of the angle between the world axis that leads up and the plane's normal.
     pub fn slope(&self) -> f64 {
         self.plane.normal[self.axis.0] * self.axis.1
     }
 
-    /// Height of the root along the axis (m); `low` is the position of the robot's lowest point relative to the root,
-    /// along the plane's normal.
+    /// Height (m) along the up axis of a root whose robot touches the plane. `low`: position (m) of the robot's lowest
+    /// point relative to the root, along the plane's normal.
     pub fn height(&self, low: f64) -> f64 {
         (self.plane.offset - low) / self.slope()
     }
 
-    /// The position at `height` (m) along the axis.
+    /// The world position (m) at `height` (m) along the up axis.
     pub fn place(&self, height: f64) -> [f64; 3] {
         let mut place = [0.0; 3];
         place[self.axis.0] = self.axis.1 * height;
         place
     }
 
-    /// Range of positions between two heights (m) along the axis.
+    /// Ranges of the world position (m) between two heights (m) along the up axis.
     pub fn places(&self, low: f64, high: f64) -> [Range; 3] {
         let mut places = [Range::default(); 3];
         let ends = [low, high].map(|height| self.axis.1 * height);

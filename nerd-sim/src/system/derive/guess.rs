@@ -1,5 +1,5 @@
 //! Derives the settings of a robot without TOML from the numbers in its file: free base, materials, starts, drives.
-//! `cargo xtask inspect --robot my.urdf` prints them as a TOML for the file.
+//! `cargo xtask inspect --robot my.urdf` prints these settings as a TOML for the file.
 
 use std::f64::consts::PI;
 
@@ -16,8 +16,8 @@ use super::{
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
 use crate::{internal::*, scene::foot, system::mjcf::Description};
 
-/// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight; with a fixed
-/// base, one.
+/// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight of a robot with a
+/// free base, one contact that of a robot with a fixed base.
 const REST_PENETRATION: f64 = 1e-3;
 /// Time constant (s) of resolving a penetration, as with MuJoCo's defaults.
 const RELEASE_TIME: f64 = 0.04;
@@ -27,9 +27,9 @@ const MIN_TARGET_RANGE: f64 = 0.25;
 const CREEP: f64 = 1e-3;
 /// Friction coefficient of rubber and metal on floors.
 const FRICTION: f64 = 0.7;
-/// Joint inertia below this fraction of mass x extent^2 counts as zero.
+/// Inertia felt at a joint counts as zero below this share of the robot's mass times its squared extent (kg m^2).
 const MIN_INERTIA_SHARE: f64 = 1e-10;
-/// Largest additional height of starts in evaluation, as a share of the robot's extent.
+/// Largest height of evaluation starts above the default pose, as a share of the robot's extent.
 const MAX_START_HEIGHT: f64 = 0.06;
 /// Largest height of possible ground contacts above the lowest point in the default pose, as a share of the extent.
 const MAX_CONTACT_HEIGHT: f64 = 0.1;
@@ -37,11 +37,11 @@ const MAX_CONTACT_HEIGHT: f64 = 0.1;
 const MAX_EFFORT_RATIO: f64 = 20.0;
 /// Position error (rad) that gives the motor's full effort under a position law.
 const FULL_EFFORT_ERROR: f64 = 1.0;
-/// Damping of this law, as a multiple of its stiffness (s).
+/// Ratio of damping to stiffness (s) of the position law that [`FULL_EFFORT_ERROR`] defines.
 const DAMPING_TIME: f64 = 0.025;
-/// Largest number of contact points that are all kept. More are replaced by a few with the same support.
+/// Largest number of contact points that are all kept. More points are replaced by a few points with the same support.
 const MAX_KEPT_POINTS: usize = 24;
-/// Largest velocity of starts (rad/s or m/s); half the URDF's velocity limit where that is less.
+/// Largest joint velocity (rad/s or m/s) at starts, or half the URDF's velocity limit if that is less.
 const MAX_START_VELOCITY: f64 = 3.0;
 
 /// Whether a robot walks, rolls or flies and so has a free base. True if it has no joints, or if at zero coordinates
@@ -50,8 +50,8 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || Limbs::new(robot, &robot.zero_state(), &Vector3::z()).walks()
 }
 
-/// The specification of a robot without TOML, from its `file` at `path` and the ground of its start. `defaults` are
-/// given joint positions; `choose` selects contact points where none are given.
+/// The specification of a robot without TOML, from its `file` at `path` and the ground of its start. `defaults`: joint
+/// positions (rad or m) that the files state. `choose`: whether to reduce many contact points to a few.
 pub(crate) fn derived(
     read: &mut UrdfRobot,
     path: Option<&Path>,
@@ -112,7 +112,8 @@ pub(crate) fn derived(
     }
 }
 
-/// State and description of the default pose: of the files, or zero, on bent legs where that is no pose.
+/// State and description of the default pose. Joint positions come from the files, else they are zero, or those of bent
+/// legs if some joints cannot be at zero.
 fn posed(
     robot: &Robot,
     path: Option<&Path>,
@@ -139,10 +140,10 @@ fn posed(
 
 /// Sizes of a robot in its default pose.
 struct Size {
-    /// Height (m) of each contact point along the ground's normal, and the lowest.
+    /// Height (m) of each contact point along the ground's normal; `low`: the least of these heights.
     lows: Vec<f64>,
     low: f64,
-    /// Largest extent along an axis (m), and weight (N).
+    /// Largest extent (m) along a world axis; `weight`: the robot's weight (N).
     extent: f64,
     weight: f64,
 }
@@ -165,7 +166,7 @@ impl Size {
     }
 }
 
-/// Clearance of starts from the ground (m), and how much higher than the default pose they are at least.
+/// Clearance (m) of starts from the ground, and least height (m) of starts above the default pose.
 fn clearances(robot: &Robot, Size { lows, low, extent, .. }: &Size) -> [f64; 2] {
     let beneath = robot.contact_points.iter().zip(lows).filter(|(_, at)| **at < low + MAX_CONTACT_HEIGHT * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
@@ -189,7 +190,8 @@ fn control(file: &Description, weight: f64, extent: f64) -> ControlSpec {
     }
 }
 
-/// Specifications of the joints. `driven`: with the law and efforts of a robot that walks or rolls.
+/// Specifications of the joints. `driven`: whether joints get the position law and efforts of a robot that walks or
+/// rolls.
 fn joint_specs(
     robot: &Robot,
     state: &[f64],
@@ -220,7 +222,7 @@ fn joint_specs(
         joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort))
     });
     let mut joints: Vec<JointSpec> = joints.collect();
-    // URDF has no rotor inertia. Only a joint without any other inertia needs it.
+    // A URDF states no rotor inertia, and only a joint without any other inertia needs one.
     for (joint, spec) in bare(robot, MIN_INERTIA_SHARE * robot.mass() * extent * extent)
         .into_iter()
         .zip(&mut joints)
@@ -267,8 +269,8 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     robot.contact_points = kept;
 }
 
-/// Range (rad) of the position targets of a legged robot for an action of 1: the median over joints of torque limit
-/// over kp in the file, between [`MIN_TARGET_RANGE`] and 1; 1 if the file has no gains.
+/// Range (rad) of the position targets of a legged robot for an action of 1. It is the median over joints of torque
+/// limit over kp in the file, between [`MIN_TARGET_RANGE`] and 1. It is 1 if the file has no gains.
 fn scale(file: &Description) -> f64 {
     let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
     let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);
@@ -277,8 +279,8 @@ fn scale(file: &Description) -> f64 {
     turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(MIN_TARGET_RANGE, 1.0)))
 }
 
-/// Contact that carries the weight on `points` points at a penetration of [`REST_PENETRATION`], half critically damped,
-/// with little creep.
+/// Contact material with which `points` contact points carry the weight (N) at a penetration of [`REST_PENETRATION`].
+/// It is half critically damped and creeps little.
 fn material(weight: f64, extent: f64, points: f64) -> Material {
     let stiffness = weight / (points * REST_PENETRATION * extent);
     Material {
@@ -292,7 +294,7 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
 }
 
 /// Default pose and starts. `clearance` is measured from the centres of spherical contacts, `None` without contact
-/// points. Starts clear of the ground are higher than the default pose by at least `lift`.
+/// points. Starts clear of the ground are higher than the default pose by at least `lift` (m).
 fn root(
     ground: &Ground,
     height: f64,
@@ -311,12 +313,12 @@ fn root(
             velocity: [between(-1.0, 1.0); 3],
             clearance,
         },
-        // High enough for joints slightly off their default positions.
+        // Evaluation starts high enough for joints slightly off their default positions.
         reset: Some(RootStart { position: above(MAX_START_HEIGHT), clearance, ..RootStart::default() }),
     }
 }
 
-/// `effort` is the motor's torque limit in a driven robot with a free base.
+/// Specification of one joint. `effort`: torque limit (N m or N) of its motor, for a robot that walks or rolls.
 fn joint_spec(
     joint: &Joint,
     torque: f64,

@@ -7,12 +7,13 @@ use crate::internal::*;
 
 /// Iterations of the inverse kinematics.
 const ITERATIONS: usize = 200;
-/// Shares of the largest distance of a contact point from its joint. Points nearer to the joint than `SHANK` belong to
-/// the shank. Other points count as sole if at most `SOLE` higher than the farthest point.
+/// Shares of the largest distance of a contact point from the joint of its link. Points nearer to the joint than the
+/// share `SHANK` belong to the shank. Other points belong to the sole if they are at most the share `SOLE` higher than
+/// the farthest point.
 const SHANK: f64 = 1.0 / 3.0;
 const SOLE: f64 = 0.05;
-/// Weight of a foot's orientation against its position in units of the leg's reach. It determines the joints that the
-/// position leaves undetermined.
+/// Weight of a foot's orientation error (rad) relative to its position error in units of the leg's reach. The small
+/// weight only determines joints that the position leaves undetermined.
 const ORIENTATION_WEIGHT: f64 = 0.01;
 /// Initial bend of a leg that may be straight (rad or m), toward the middle of its joints' ranges.
 const INITIAL_BEND: f64 = 0.01;
@@ -62,7 +63,7 @@ impl Leg {
         self.links[self.links.len() - 1]
     }
 
-    /// Vector from hip to sole (m, world axes); `data` has the kinematics.
+    /// Vector from hip to sole (m, world axes) in the pose whose kinematics `data` holds.
     pub fn way(&self, data: &Data) -> Vector3<f64> {
         point_position(data, self.last(), &self.sole) - (data.origin + data.position[self.links[0]])
     }

@@ -2,19 +2,19 @@
 
 use crate::{internal::*, scene::foot};
 
-/// Least reach of legs below everything else, as a share of the robot's height. Also the least length of a leg, as
-/// opposed to a toe, as a share of the longest limb.
+/// Least distance that legs reach below all other links, as a share of the robot's height. The same share of the
+/// longest limb is the least length of a leg, as opposed to a toe.
 const MIN_LEG_SHARE: f64 = 0.2;
 /// Largest height of a leg's end above the lowest point, as a share of the longest limb.
 const MAX_LEG_END_HEIGHT: f64 = 0.3;
 
-/// Heights are along the up axis (m), by link.
+/// Heights (m) along the up axis, and subtrees of the links, `[link]`.
 pub(super) struct Limbs {
-    /// Height of the joint.
+    /// Height of the link's joint.
     origin: Vec<f64>,
-    /// Lowest point of the link: of its shapes and its joint; for a root without shapes its origin.
+    /// Height of the link's lowest point, of its shapes and its joint; for a root without shapes, of its origin.
     own: Vec<f64>,
-    /// Lowest point of the link's subtree.
+    /// Height of the lowest point of the link's subtree.
     lowest: Vec<f64>,
     /// End (exclusive) of the link's subtree; its links are consecutive.
     end: Vec<usize>,
@@ -52,8 +52,8 @@ impl Limbs {
         link..self.end[link]
     }
 
-    /// Whether two or more limbs reach lower than everything else. They branch off from the root. They may also branch
-    /// off from a pelvis, if they are lower by the length of a leg.
+    /// Whether two or more limbs that branch off from the root reach lower than all other links. The limbs may also
+    /// branch off from another link, such as a pelvis, if they reach lower by the length of a leg.
     pub(super) fn walks(&self) -> bool {
         let n = self.own.len();
         let height = self.origin.iter().copied().fold(f64::MIN, f64::max) - self.lowest[0];

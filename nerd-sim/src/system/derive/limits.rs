@@ -1,9 +1,9 @@
 //! Default stiffness and damping of joint limits, as stiff as the reference simulator's substep `dt` allows.
 //!
 //! I is the least inertia felt at the joint with all other joints free, over a few poses. Stiffness is
-//! `I (0.2 / dt)^2`. It is higher, up to `I (2 / dt)^2`, where the joint's effort would push it beyond an end by more
-//! than 4 % of its range. Limits too stiff for an explicit substep are stepped implicitly (`articulated/stiff.rs`).
-//! Damping is critical: `2 sqrt(I stiffness)`.
+//! `I (0.2 / dt)^2`. Stiffness is higher where the joint's effort would push the joint beyond an end of its range by
+//! more than 4 % of the range. It is at most `I (2 / dt)^2`. Limits too stiff for an explicit substep are stepped
+//! implicitly (`articulated/stiff.rs`). Damping is critical: `2 sqrt(I stiffness)`.
 
 use nerd_core::dynamics::Inverse;
 
@@ -25,7 +25,7 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
         let effort = joint.effort;
         if let Some(limit) = &mut joint.limit {
             let of = |a: f64| inertia * (a / dt).powi(2);
-            // Without an effort there is no requirement.
+            // A joint without an effort needs no more than the usual stiffness.
             let effort = if effort.is_finite() { effort } else { 0.0 };
             let range = limit.upper - limit.lower;
             // A joint without a range is locked.
@@ -36,8 +36,8 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
     }
 }
 
-/// For each joint, the least torque per unit of acceleration over poses, at rest with all other joints free; 0 without
-/// inertia.
+/// For each joint, the least inertia (kg m^2 or kg) felt over several poses at rest, with all other joints free; 0
+/// without inertia.
 fn least_inertias(robot: &Robot) -> Vec<f64> {
     let (joints, dofs) = (robot.joint_count(), robot.root_dofs());
     // The work grows with the square of the number of joints: robots with very many joints get one pose.
@@ -60,8 +60,8 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
     least.iter().map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 }).collect()
 }
 
-/// Coordinates of the `k`-th pose: for 0 the coordinates nearest to zero, then a low-discrepancy sequence within the
-/// ranges.
+/// Coordinates q of the `k`-th test pose. Pose 0 has the coordinates nearest to zero; the others follow a
+/// low-discrepancy sequence within the joints' ranges.
 pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
     let mut q = robot.neutral();
     let ends = |joint: &Joint| match joint.limit {

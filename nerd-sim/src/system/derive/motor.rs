@@ -6,15 +6,16 @@ use super::limits::pose;
 use super::plain::rounded;
 use crate::internal::*;
 
-/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to holding it against gravity.
+/// Acceleration (rad/s^2 or m/s^2) of a joint under random torques, in addition to the torque that holds the joint
+/// against gravity.
 const RANDOM_ACCELERATION: f64 = 20.0;
 /// Time (s) that a motor's effort takes to accelerate its rotor to the joint's velocity limit.
 pub(super) const ROTOR_START_TIME: f64 = 0.01;
-/// Effort of a motor without data. It carries the robot's weight at this share of a foot's distance from the joint, or
-/// this multiple of the moved mass.
+/// Assumed effort of a motor without data: the larger of two torques. One carries the robot's weight on this share of a
+/// foot's lever about the joint. The other holds `HELD_MASS_RATIO` times the weight of the links that the joint moves.
 const BORNE_WEIGHT_SHARE: f64 = 0.75;
 const HELD_MASS_RATIO: f64 = 3.0;
-/// Least assumed effort, relative to the robot's largest.
+/// Least assumed effort, as a share of the largest effort of the robot's joints.
 const MIN_EFFORT_SHARE: f64 = 0.05;
 /// Velocity limit (rad/s, m/s) of a motor without data.
 const ASSUMED_VELOCITY_LIMIT: f64 = 20.0;
@@ -58,7 +59,8 @@ pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
     effort.map_or(0.0, |effort| rounded(effort * ROTOR_START_TIME / velocity))
 }
 
-/// Joints without inertia in some pose, by joint; `least` is the inertia that counts as zero.
+/// For each joint, the joint if it has no inertia in some test pose, else `None`. `least`: largest inertia (kg m^2 or
+/// kg) that counts as zero.
 pub(super) fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     let mut bare = vec![None; robot.joint_count()];
     let Some(mut tree) = TreeFactor::new(robot) else { return bare };
@@ -89,8 +91,8 @@ pub(super) fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     bare
 }
 
-/// Amplitudes of random torques, within the joint's effort. Sum of the largest gravity torque over a few poses (fixed
-/// base only) and the torque that accelerates the joint by [`RANDOM_ACCELERATION`].
+/// Amplitudes of random torques (N m or N) by joint, at most the joint's effort. The amplitude is the largest gravity
+/// torque over a few poses (fixed base only) plus the torque that accelerates the joint by [`RANDOM_ACCELERATION`].
 pub(super) fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
     let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
     let mut most = vec![0.0f64; robot.joint_count()];

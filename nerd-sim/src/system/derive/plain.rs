@@ -1,4 +1,4 @@
-//! The specification of a robot known only by links and joints.
+//! The specification of a robot of which only links and joints are known.
 
 use crate::internal::*;
 use crate::system::spec::{ContactSpec, JointSpec, StartSpec, mesh_points};

@@ -10,11 +10,11 @@ use crate::internal::*;
 use crate::system::mesh::hull::{SUPPORT_DIRECTIONS, allowance, around, bounds, few};
 
 /// Indices of at most `most` points. First come the extreme points toward the corners of the bounding box, lower ones
-/// first. Then follows, repeatedly, the point farthest from all chosen points. So a sole with an ankle on it keeps the
-/// corners of the sole. Below four points there are no corners.
+/// first. Then follow further points, each the farthest from all points chosen before. A sole with an ankle thus keeps
+/// the corners of the sole. With `most` below four, the corners are skipped.
 pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     let Some([least, largest]) = bounds(points) else { return Vec::new() };
-    // In units of the box, so that a flat box also has eight corners.
+    // Coordinates are scaled by the box's edges, so that a flat box also has eight corners.
     let unit = (largest - least).map(|x| if x > 0.0 { 1.0 / x } else { 0.0 });
     let mut taken: Vec<usize> = Vec::new();
     let mut away = vec![f64::INFINITY; points.len()];
@@ -41,14 +41,14 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     taken
 }
 
-/// Radius of a corner, edge or vertex (m).
+/// Contact radius (m) of a corner, edge or vertex.
 pub(crate) const SHARP_RADIUS: f64 = 1e-5;
-/// Numbers of contact points in a network's input: on a trunk, on a leaf link, on any other link. A leaf link stands on
-/// the lower corners of its box and may fall on its other end.
+/// Maximum numbers of contact points, which are inputs of a network: on a trunk (`TRUNK`), on a leaf link (`END`), on
+/// any other link (`OTHER`). A leaf link stands on the lower corners of its box and may fall on its other end.
 const TRUNK: usize = 8;
 const END: usize = 5;
 const OTHER: usize = 2;
-/// Maximum number of points on rims other than wheels that stay round; with more, cylinders become corners.
+/// Maximum number of rim points on links other than wheels. With more, the rims of cylinders are replaced by corners.
 const MAX_ROLLING_POINTS: usize = 12;
 /// A hinge with a range above this (rad) counts as endless, not as a hinge of a limb.
 const MAX_LIMB_RANGE: f64 = 2.0 * TAU;
@@ -60,9 +60,9 @@ pub(crate) fn endless(joint: &Joint) -> bool {
     joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > MAX_LIMB_RANGE)
 }
 
-/// At most `most` contact points with the same support as spheres of `radius` (m) about all `places` on a link. Few
-/// places become a point each, many the deepest point of each cluster. `seen` are the places in axes with the third
-/// axis up.
+/// At most `most` contact points with the same support as spheres of `radius` (m) about all `places` on a link. Up to
+/// `most` places become one point each. More places are divided into clusters, each with its deepest place as contact
+/// point. `seen` are the places in axes with the third axis up.
 pub(crate) fn partition(
     link: usize,
     places: &[Vector3<f64>],
@@ -95,9 +95,9 @@ pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &
 }
 
 /// Replaces many contact points by a few, since each is an input of the network. Also returns for each link the
-/// additional penetration (m) that this allows. Corners and vertices become a few points, each the deepest of its
-/// cluster, so that no possible lowest point is lost. Round shapes stay round, unless the rest of the surface covers
-/// them. Points on the lower corners at `state` get separate clusters.
+/// additional penetration (m) that the fewer points allow. Corners and vertices become a few points, each the deepest
+/// of its cluster, so that no possible lowest point is lost. Round shapes stay round, unless other shapes of the link
+/// reach as far in every direction. Points on the lower corners at `state` get separate clusters.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
@@ -165,7 +165,7 @@ fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off
     let further = |far: &mut Vec<f64>, disc: &[ContactPoint]| {
         far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)))
     };
-    // Support of the shapes after each shape, then of the kept shapes before it.
+    // `behind`: support (m) of the shapes after each shape; `before`: of the kept shapes before it.
     let mut behind = vec![vec![f64::NEG_INFINITY; directions.len()]];
     for disc in round.iter().skip(1).rev() {
         let mut far = behind[behind.len() - 1].clone();

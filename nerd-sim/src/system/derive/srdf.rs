@@ -8,8 +8,8 @@ const STANDING: [&str; 2] = ["standing", "half_sitting"];
 /// Description of the pose if there is no SRDF.
 pub(super) const ZERO: &str = "zero, within the limits";
 
-/// A state with zero velocities and the description of its source: an SRDF's standing pose, else zero or the nearest to
-/// zero within the limits.
+/// A state with zero velocities, and the description of its source. Joint positions are an SRDF's standing pose, else
+/// the nearest to zero within the limits.
 pub(super) fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
     let coords = robot.root_coords();

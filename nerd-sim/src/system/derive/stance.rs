@@ -1,4 +1,4 @@
-//! A standing pose for a legged robot with joints that cannot be at zero: each foot below its hip, at a share of the
+//! A standing pose for a legged robot with joints that cannot be at zero. Each foot is below its hip, at a share of the
 //! leg's reach. Links above the legs, such as a waist, and arms keep their positions.
 
 use super::{leg::Leg, limbs::Limbs, limits::pose};
@@ -6,7 +6,8 @@ use crate::internal::*;
 
 /// Height of a hip above its foot, as a share of the leg's largest reach over some poses.
 const HIP_HEIGHT_SHARE: f64 = 0.8;
-/// As shares of that reach: largest distance of a foot from its target, and largest height difference of standing feet.
+/// Largest distance of a foot from its target, and (`MAX_FOOT_HEIGHT_DIFFERENCE`) largest height difference between
+/// standing feet, as shares of the leg's reach.
 const MAX_FOOT_ERROR: f64 = 0.05;
 const MAX_FOOT_HEIGHT_DIFFERENCE: f64 = 0.01;
 /// Number of poses sampled for the reach.

@@ -1,5 +1,5 @@
-//! Contact points of collision meshes: each mesh becomes its convex hull with few contact points, each the deepest of a
-//! group of vertices; wheels get rims.
+//! Contact points of collision meshes. Each mesh becomes its convex hull with few contact points, each the deepest of a
+//! group of vertices. Wheels get rims.
 
 use nerd_core::robot::Hull;
 

@@ -10,8 +10,8 @@ use crate::system::mesh::hull::{allowance, cover, farthest, few};
 
 /// Largest relative difference of a wheel's radius between directions.
 const MAX_RADIUS_DIFFERENCE: f64 = 0.02;
-/// Maximum number of rims of a wheel, less where fewer reach as far within twice the allowance; and of its other
-/// points.
+/// Maximum number of rims of a wheel; fewer are used if they reach as far within twice the allowance.
+/// `MAX_OTHER_POINTS`: maximum number of a wheel's other points.
 const MAX_RIMS: usize = 4;
 const MAX_OTHER_POINTS: usize = 2;
 /// Largest angle (rad) between a rolling wheel's support direction and its plane.

@@ -5,7 +5,7 @@ use std::io::Cursor;
 use super::file::{MAX_VERTICES, bytes_of};
 use crate::internal::*;
 
-/// `[rows, columns]` and heights `[row][column]` of a file in its own unit; a picture's last row comes first.
+/// Reads `[rows, columns]` and heights `[row][column]`, in the file's own unit. The last row of a picture comes first.
 pub(crate) fn heights(path: &Path) -> Result<([usize; 2], Vec<f32>), String> {
     let bytes = bytes_of(path)?;
     let picture = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("png"));

@@ -5,15 +5,16 @@ use std::f64::consts::PI;
 use nalgebra::Vector3;
 use parry3d_f64::{math::Vector as ParryVector, transformation::try_convex_hull};
 
-/// Number of evenly spread directions for comparing support, about four degrees apart, besides the vertices' own.
+/// Number of evenly spread directions, about four degrees apart, in which support is compared. The normals at the
+/// vertices are compared, too.
 pub(crate) const SUPPORT_DIRECTIONS: usize = 2000;
-/// Maximum number of vertices of a hull with their own direction compared, too.
+/// Maximum number of vertices of a hull whose normals are compared.
 const MAX_OWN_DIRECTIONS: usize = 4000;
-/// Allowance: largest loss of support by dropping vertices, as a length (m) and as a share of the size; the smaller one
-/// counts.
+/// Largest loss of support by dropping vertices: a length (m), and a share of the points' largest extent. The smaller
+/// of the two is the allowance.
 const MAX_SUPPORT_LOSS: [f64; 2] = [5e-4, 5e-3];
 
-/// Allowed difference of a mesh's reduced hull from its file, as a share of the allowance.
+/// Largest loss of support of a mesh's reduced hull against all its vertices, as a share of the allowance.
 const MAX_REDUCTION_SHARE: f64 = 0.2;
 
 /// `count` unit vectors evenly spread over the sphere: a spiral from pole to pole in steps of the golden angle.
@@ -37,11 +38,11 @@ pub(crate) fn allowance(points: &[Vector3<f64>]) -> f64 {
     MAX_SUPPORT_LOSS[0].min(MAX_SUPPORT_LOSS[1] * (high - low).amax())
 }
 
-/// A subset of `points` with the support of all points within `off` (m). `others(n)` is the support (m) of other
-/// geometry along a unit vector n, which counts, too.
+/// A subset of `points` with at most `off` (m) less support than all points. `others(n)` is the support (m) of other
+/// geometry along a unit vector n, which counts as part of the subset's support.
 pub(crate) fn few(points: &[Vector3<f64>], others: impl Fn(&Vector3<f64>) -> f64, off: f64) -> Vec<Vector3<f64>> {
     let (places, outward) = hull(points);
-    // A vertex's loss is largest in the direction in which it alone is the farthest.
+    // Dropping a vertex loses most support in the direction in which this vertex alone is the farthest.
     let own =
         outward.into_iter().enumerate().map(|(k, n)| (n, k)).step_by(places.len().div_ceil(MAX_OWN_DIRECTIONS).max(1));
     let asked = farthest(&places, around(SUPPORT_DIRECTIONS)).chain(own);
@@ -65,8 +66,8 @@ pub(crate) fn farthest(
     })
 }
 
-/// As [`few`], as indices, for given directions and their farthest points: greedily adds the point with the largest
-/// loss.
+/// Indices of the subset that [`few`] describes, for given directions and their farthest points. Adds the point with
+/// the largest loss of support until no loss exceeds `off` (m).
 pub(crate) fn cover(
     points: &[Vector3<f64>],
     asked: impl Iterator<Item = (Vector3<f64>, usize)>,
@@ -91,8 +92,8 @@ pub(crate) fn faces(points: &[Vector3<f64>]) -> Option<Surface> {
     Some((corners.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect(), faces))
 }
 
-/// Vertices of the convex hull, each with the mean normal of its faces; for coplanar points all of them, without
-/// normals.
+/// Vertices of the convex hull, each with the mean normal of its faces; all points, without normals, if they are
+/// coplanar.
 pub(crate) fn hull(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
     let Some((corners, faces)) = faces(points) else { return (points.to_vec(), Vec::new()) };
     let mut outward = vec![Vector3::zeros(); corners.len()];

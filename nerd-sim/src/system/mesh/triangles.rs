@@ -6,7 +6,7 @@ use crate::internal::*;
 /// Vertices and triangles.
 type Triangles = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
-/// Vertices and triangles of a file, neither scaled nor merged.
+/// Vertices (in the file's own unit) and triangles of a file, neither scaled nor merged.
 pub(crate) fn triangles(path: &Path) -> Result<Triangles, String> {
     let bytes = bytes_of(path)?;
     let read = std::panic::catch_unwind(|| {

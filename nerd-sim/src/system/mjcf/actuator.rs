@@ -1,4 +1,4 @@
-//! Actuators of an MJCF: every kind is a shortcut of the general one, and all share one default.
+//! Actuators of an MJCF: every kind of element is a shortcut of `<general>`, and all kinds share one set of defaults.
 
 use super::compiler::Compiler;
 use super::element::Element;
@@ -6,7 +6,7 @@ use super::joint::largest;
 use super::law::{Law, motor, servos};
 use crate::internal::*;
 
-/// Supported elements; laws of others are refused.
+/// Tags of the supported actuator elements; other tags are refused.
 pub(super) const READ: [&str; 4] = ["motor", "position", "velocity", "general"];
 
 /// Attributes that name an actuator's target.
@@ -15,22 +15,22 @@ const TARGETS: [&str; 9] =
 
 #[derive(Clone, Debug)]
 pub(super) struct Actuator {
-    /// The target: a joint, else a fixed tendon.
+    /// Name of the target: of a joint, else (`tendon`) of a fixed tendon.
     pub joint: Option<String>,
     pub tendon: Option<String>,
     law: Law,
-    /// Initial laws of `<position>` and `<velocity>`, in this class and in its parent class.
+    /// Initial laws of `<position>` and `<velocity>` in this default class; `above`: in the parent class.
     servos: [Law; 2],
     above: [Law; 2],
     dynamics: String,
-    /// Group; an option may disable groups.
+    /// Number of the actuator's group; `<option>` may disable groups.
     pub group: f64,
     pub gear: f64,
     control: [f64; 2],
     control_limited: Option<bool>,
     force: [f64; 2],
     force_limited: Option<bool>,
-    /// Inertia and damping of the actuator itself, before the gear.
+    /// Inertia (kg m^2) and damping (N m s/rad) of the actuator itself, before the gear.
     pub armature: f64,
     pub damping: f64,
     delay: f64,
@@ -59,7 +59,7 @@ impl Default for Actuator {
 }
 
 impl Actuator {
-    /// Starts a nested class.
+    /// Starts a nested default class, whose parent class has the present laws.
     pub fn below(&mut self) {
         self.above = self.servos.clone();
     }
@@ -97,7 +97,8 @@ impl Actuator {
 
     /// Applies the attributes of an actuator's law.
     fn apply_law(&mut self, e: &Element) -> Result<(), UrdfError> {
-        // Each shortcut starts from its kind's law in the class, and drops the laws of other kinds.
+        // Each shortcut starts from the class's law of its own kind, and resets the laws of other kinds to the parent
+        // class's.
         let servos = std::mem::replace(&mut self.servos, self.above.clone());
         match e.tag.as_str() {
             "position" => {
@@ -147,7 +148,7 @@ impl Actuator {
         if targets.len() > 1 {
             return Err(e.refused(format!("{} are its targets; write one", targets.join(" and "))));
         }
-        // A fixed gain has a single input.
+        // An actuator with a fixed gain has a single input.
         if let Some(input) =
             e.word("input").filter(|input| !["pos", "vel", "pressure", "quat", "expmap"].contains(input))
         {
@@ -202,13 +203,13 @@ impl Actuator {
         [a, -b, -c]
     }
 
-    /// Damping ratio, where one is given in place of a velocity gain.
+    /// Damping ratio, if the file gives one in place of a velocity gain.
     pub fn damping_ratio(&self) -> Option<f64> {
         let [_, kp, kd] = self.gains();
         (kd < 0.0 && kp == self.law.gain).then_some(-kd)
     }
 
-    /// Whether the law has no feedback: control is force.
+    /// Whether the law has no feedback of position or velocity, so that the force is proportional to control.
     fn plain(&self) -> bool {
         let [_, kp, kd] = self.gains();
         kp == 0.0 && kd == 0.0

@@ -58,7 +58,7 @@ impl Reader {
     fn attached(&mut self, root: &Element, scope: &Scope) -> Result<(), UrdfError> {
         let keys = self.model.keys.len();
         self.sections(root, scope)?;
-        // Its keyframes have its own coordinates only.
+        // Keyframes of the attached model hold only that model's coordinates, so they are dropped.
         self.model.keys.truncate(keys);
         let (bodies, model) = (&self.model.bodies, &mut self.model.actuators);
         let there =

@@ -9,7 +9,7 @@ use super::read::Reader;
 use super::scope::Scope;
 use crate::internal::*;
 
-/// Maximum number of replicas in a file.
+/// Maximum number of copies that all `<replicate>` of a file make.
 const MAX_REPLICAS: usize = 100_000;
 
 impl Reader {

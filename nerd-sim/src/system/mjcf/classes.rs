@@ -1,4 +1,4 @@
-//! Default classes: values of attributes that elements leave out.
+//! Default classes: the values of attributes that an element leaves out.
 
 use std::collections::HashMap;
 
@@ -14,7 +14,7 @@ use crate::scene::Softness;
 
 const MAIN: &str = "main";
 
-/// Defaults of a class.
+/// The defaults of one class.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Class {
     pub joint: Joint,
@@ -24,7 +24,7 @@ pub(super) struct Class {
     pub pair: Pair,
     pub mesh: MeshDefault,
     pub active: Option<bool>,
-    /// Default references to other objects by (tag, attribute), and all attributes of textures.
+    /// Default references to other objects, and all attributes of textures, by (tag, attribute).
     pub names: HashMap<(String, String), String>,
 }
 

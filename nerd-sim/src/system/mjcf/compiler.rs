@@ -1,4 +1,4 @@
-//! Settings of MuJoCo's compiler, and poses computed with them.
+//! Settings of MuJoCo's compiler (`<compiler>`), and poses of elements, which depend on them.
 
 use std::f64::consts::PI;
 
@@ -7,7 +7,7 @@ use nalgebra::{Quaternion, Rotation3, Unit};
 use super::element::Element;
 use crate::internal::*;
 
-/// Length below which a vector has no direction.
+/// Length (m, or without unit) below which a vector counts as having no direction.
 pub(super) const MIN_LENGTH: f64 = 0.999e-6;
 
 #[derive(Clone, Debug)]
@@ -15,14 +15,14 @@ pub(super) struct Compiler {
     degrees: bool,
     euler: String,
     pub autolimits: bool,
-    /// Whether inertia comes from geoms; `None`: only of bodies without `<inertial>`.
+    /// Whether the inertia of bodies is computed from geoms; `None`: only for bodies without `<inertial>`.
     pub from_geoms: Option<bool>,
     /// Range of geom groups that contribute inertia.
     pub groups: [f64; 2],
     pub balance: bool,
     pub bound_mass: f64,
     pub bound_inertia: f64,
-    /// Total mass (kg) to scale to; unchanged if not positive.
+    /// Total mass (kg) to which all masses are scaled; masses stay unchanged if this is not positive.
     pub total_mass: f64,
     /// Folder of meshes, relative to the main file.
     pub meshes: String,
@@ -99,7 +99,7 @@ impl Compiler {
         Ok(())
     }
 
-    /// The orientation of an element, if it has one.
+    /// The orientation that an element's attributes give, if any.
     pub fn turn(&self, e: &Element) -> Result<Option<UnitQuaternion<f64>>, UrdfError> {
         // The schema allows at most one of these attributes.
         let Some(key) = ["quat", "axisangle", "xyaxes", "zaxis", "euler"].into_iter().find(|key| e.word(key).is_some())
@@ -148,7 +148,8 @@ impl Compiler {
     }
 }
 
-/// Pose (midpoint and orientation) and half length of a segment; the geom's z axis points from `to` to `from`.
+/// Pose (midpoint and orientation) and half length (m) of the segment `fromto`; the geom's z axis points from `to` to
+/// `from`.
 pub(super) fn between(fromto: &[f64; 6]) -> (Isometry3<f64>, f64) {
     let [a, b, c, x, y, z] = *fromto;
     let (from, to) = (Vector3::new(a, b, c), Vector3::new(x, y, z));

@@ -9,10 +9,11 @@ use super::tree::Tree;
 use crate::internal::*;
 use crate::scene::{PairLaw, Softness, SurfaceGeom, Surfaces};
 
-/// Bodies and pairs that filter contacts.
+/// Data of a model that decides which geoms collide, and by which law.
 pub(super) struct Contacts<'a> {
     model: &'a Model,
-    /// For each body, the body it is welded to, and the weld of that body's parent.
+    /// `weld`: for each body, the nearest of itself and its ancestors that has joints or is a mocap body, else the
+    /// world. `above`: for each body, the weld of the parent of its weld.
     weld: Vec<usize>,
     above: Vec<usize>,
     excluded: Vec<[usize; 2]>,
@@ -65,7 +66,7 @@ impl Contacts<'_> {
         &self.model.bodies[id].geoms[k]
     }
 
-    /// Whether a body, or the body it is welded to, moves.
+    /// Whether the body to which body `id` is welded has joints.
     fn moves(&self, id: usize) -> bool {
         !self.model.bodies[self.weld[id]].joints.is_empty()
     }

@@ -15,7 +15,7 @@ use crate::internal::*;
 use crate::scene::GROUND;
 
 impl Description {
-    /// Parses the text of a URDF or MJCF; `path` is its file.
+    /// Parses the text of a URDF or MJCF; `path`: the file that holds the text.
     pub fn of(text: &str, path: Option<&Path>) -> Result<Self, UrdfError> {
         if !is_mjcf(text) {
             let (bodies, notes) = Bodies::from_urdf(text)?;

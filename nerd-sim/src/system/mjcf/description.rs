@@ -1,4 +1,4 @@
-//! Content of a robot's file.
+//! Content of a robot's file, URDF or MJCF.
 
 use nerd_core::robot::Bodies;
 use toml::{Table, Value};
@@ -11,7 +11,7 @@ use crate::scene::Surfaces;
 #[derive(Clone, Debug)]
 pub(crate) struct Description {
     pub bodies: Bodies,
-    /// Keys of a specification; they take precedence over derived keys.
+    /// Keys of a specification that the file states; they take precedence over derived keys.
     pub keys: Table,
     pub notes: Vec<String>,
     /// Orientation of a free root in the file's default pose, x y z w.
@@ -23,7 +23,7 @@ pub(crate) struct Description {
 }
 
 impl Description {
-    /// Whether the base is free, if the file defines it.
+    /// Whether the base is free; `None` if the file leaves the base open.
     pub fn floating(&self) -> Option<bool> {
         self.keys.get("floating").and_then(Value::as_bool)
     }
@@ -42,7 +42,7 @@ impl Description {
         planes.chain(tops)
     }
 
-    /// The keys, without joints that the robot lacks: joints that carry no mass are fixed.
+    /// The keys, without joints that `robot` lacks since they carry no mass and became fixed.
     pub fn keys_of(&self, robot: &Robot) -> Table {
         let mut keys = self.keys.clone();
         let there =
@@ -51,7 +51,7 @@ impl Description {
         keys
     }
 
-    /// Refuses a base that differs from the file's.
+    /// Refuses a base, free or fixed, that differs from the base that the file states.
     pub fn stands(&self, floating: bool) -> Result<(), UrdfError> {
         match self.floating() {
             Some(own) if own != floating => {

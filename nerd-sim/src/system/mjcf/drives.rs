@@ -52,7 +52,8 @@ pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<Str
     Ok(found)
 }
 
-/// The joint driven by an actuator, and its transmission ratio. For a fixed tendon, the sum over coupled joints.
+/// The joint that an actuator drives, and the transmission ratio between them. For a fixed tendon, the ratio is summed
+/// over its coupled joints.
 fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64), UrdfError> {
     if let Some(joint) = &actuator.joint {
         return Ok((joint.clone(), 1.0));
@@ -78,7 +79,8 @@ fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64),
     }
 }
 
-/// For each coupled joint, its leader; equalities are measured from the joints' reference positions.
+/// For each coupled joint, the joint that it follows. Equalities of the file are relative to the joints' reference
+/// positions.
 pub(super) fn followers(tree: &Tree) -> Result<HashMap<String, Follower>, UrdfError> {
     let refs: HashMap<_, _> = tree.all_joints().map(|(name, joint, _)| (name.as_str(), joint.reference)).collect();
     let mut found = HashMap::<String, Follower>::new();

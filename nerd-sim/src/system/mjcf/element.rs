@@ -13,7 +13,7 @@ pub(super) fn brief(text: &str) -> String {
     format!("{}{}", text[..end].escape_debug(), if end < text.len() { ".." } else { "" })
 }
 
-/// Position of an element.
+/// Position of an element in the text of its file.
 #[derive(Clone, Debug)]
 pub(super) struct Place {
     /// Name of the included file; `None` for the main file.
@@ -65,7 +65,7 @@ impl Element {
         self.children.iter().filter(move |child| child.tag == tag)
     }
 
-    /// The numbers of an attribute, with the count checked by the schema; `None` if empty.
+    /// The numbers of an attribute, whose count the schema has checked; `None` if there are none.
     pub fn list(&self, key: &str) -> Result<Option<Vec<f64>>, UrdfError> {
         let numbers = self.text(key).unwrap_or_default().split_whitespace().map(|word| {
             let number = word

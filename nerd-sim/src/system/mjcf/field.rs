@@ -5,7 +5,7 @@ use super::scope::Scope;
 use crate::internal::*;
 use crate::scene::Field;
 
-/// Height fields by name; an unreadable one holds its error.
+/// Height fields with their names; in place of an unreadable field stands the error.
 pub(super) type Fields = Vec<(String, Result<Field, String>)>;
 /// `[rows, columns]`, row 0 at the least y, and heights `[row][column]`.
 type Heights = ([usize; 2], Vec<f32>);
@@ -35,7 +35,7 @@ pub(super) fn fields(root: &Element, scope: &Scope) -> Result<Fields, UrdfError>
     Ok(all)
 }
 
-/// Heights from attributes; their first row has the largest y.
+/// Heights from the attributes of an `<hfield>`, where the first row has the largest y.
 fn listed(e: &Element) -> Result<Heights, UrdfError> {
     let mut counts = [0.0; 2];
     for (key, count) in ["nrow", "ncol"].into_iter().zip(&mut counts) {
@@ -70,7 +70,8 @@ fn read(_: &Path) -> Result<Heights, String> {
     Err("this build reads no such files; switch the feature `meshes` on".into())
 }
 
-/// A block of these heights, scaled to the range from 0 to `height` (m).
+/// The height field with these heights, scaled to the range from 0 to `height` (m). `x`, `y`: half lengths (m); `base`:
+/// depth of the block below 0 (m).
 fn field(([nrow, ncol], heights): Heights, [x, y, height, base]: [f64; 4]) -> Result<Field, String> {
     let [low, high] = heights.iter().fold([f32::MAX, f32::MIN], |[low, high], h| [low.min(*h), high.max(*h)]);
     let range = if f64::from(high - low) > 1e-14 { high - low } else { 1.0 };

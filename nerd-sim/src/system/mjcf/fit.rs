@@ -28,8 +28,8 @@ pub(super) fn fit(model: &mut Model) -> Result<(), UrdfError> {
     Ok(())
 }
 
-/// Pose and half edges of a box along the principal axes of a mesh, largest moment first: the box of equal inertia, or
-/// with `around` the bounding box.
+/// Pose and half edges (m) of a box along the principal axes of a mesh, in order of falling moment of inertia. It is
+/// the box of equal inertia, or with `around` the bounding box.
 fn bounds(mesh: &Mesh, around: bool) -> Result<(Isometry3<f64>, Vector3<f64>), String> {
     let own = mesh.weighed()?;
     let principal = own.inertia.symmetric_eigen();
@@ -48,7 +48,7 @@ fn bounds(mesh: &Mesh, around: bool) -> Result<(Isometry3<f64>, Vector3<f64>), S
     Ok((pose * Isometry3::from(0.5 * (low + high)), 0.5 * (high - low)))
 }
 
-/// MuJoCo's size numbers of a primitive that fits a box.
+/// MuJoCo's size numbers (m) of a primitive fitted to a box with half edges `half` (m).
 fn sizes(kind: Type, half: &Vector3<f64>, around: bool) -> [f64; 3] {
     let [x, y, z] = [half.x, half.y, half.z];
     let across = if around { x.max(y) } else { 0.5 * (x + y) };

@@ -113,7 +113,7 @@ pub(super) fn sized(
         Type::Box | Type::Ellipsoid => 3,
         _ => 0,
     };
-    // The ends of a segment determine all sizes but the radius.
+    // With the ends of a segment, only the radius is needed.
     let needed = if fitted { 0 } else { needed.min(if ends.is_some() { 1 } else { 3 }) };
     if size[..needed].iter().any(|x| *x <= 0.0) || kind == Type::Plane && size[2] <= 0.0 {
         return Err(e.refused(format!("size {size:?}: numbers above zero are needed for its type")));
@@ -170,7 +170,7 @@ impl Geom {
         Ok(())
     }
 
-    /// Moves the geom into its body's frame, and adds the affixes to its names.
+    /// Expresses the geom in the frame of its body, and adds prefix and suffix to its names.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.mesh = self.mesh.take().map(|name| format!("{}{name}", at.prefix));

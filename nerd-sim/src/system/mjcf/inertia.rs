@@ -8,7 +8,8 @@ use super::tree::Tree;
 use super::volume::{MassOf, properties};
 use crate::internal::*;
 
-/// Least mass (kg) and inertia (kg m^2) that counts as positive, and least volume (m^3).
+/// [`MIN_INERTIAL`]: least mass (kg) and inertia (kg m^2) that counts as positive. [`MIN_VOLUME`]: least such volume
+/// (m^3).
 const MIN_INERTIAL: f64 = 1e-15;
 const MIN_VOLUME: f64 = 1e-14;
 
@@ -17,7 +18,7 @@ pub(super) fn inertias(tree: &Tree) -> Result<Vec<BodyInertia>, UrdfError> {
     let model = tree.model;
     let total = model.bodies[0].source.compiler.total_mass;
     let inertia = |(id, body): (usize, &Body)| {
-        // Static bodies contribute to a prescribed total mass; the world does not.
+        // Where the file prescribes the total mass, static bodies count towards it, except the world.
         let counts = id > 0 && total > 0.0;
         if model.still(id) && !counts { Ok(BodyInertia::default()) } else { of(body, model) }
     };
@@ -85,7 +86,7 @@ fn of(body: &Body, model: &Model) -> Result<BodyInertia, UrdfError> {
 /// Pose of the centre of mass, mass (kg), and inertia about it (kg m^2).
 type Part = (Isometry3<f64>, f64, Matrix3<f64>);
 
-/// Contribution of a geom to its body; `None` without volume.
+/// Contribution of a geom to the inertia of its body; `None` for a geom without volume.
 fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
     if geom.kind == Type::Mesh {
         let mesh = geom.mesh.as_ref().and_then(|name| model.mesh(name)).ok_or("its mesh is not there")?;
@@ -103,7 +104,8 @@ fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
     Ok(Some((geom.pose, mass, Matrix3::from_diagonal(&(unit * mass)))))
 }
 
-/// Volume (m^3), or for a shell area (m^2), and principal moments per unit mass (m^2) of a primitive.
+/// Volume (m^3) and principal moments per unit mass (m^2) of a primitive. For a shell, the area (m^2) replaces the
+/// volume.
 fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
     let size = Vector3::from(geom.size);
     let (r, h) = (size.x, 2.0 * size.y);
@@ -129,7 +131,7 @@ fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
     })
 }
 
-/// Area (m^2) and principal moments per unit mass (m^2) of a shell.
+/// Area (m^2) and principal moments per unit mass (m^2) of a primitive's shell.
 fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
     let (r, h) = (size.x, 2.0 * size.y);
     match kind {
@@ -159,7 +161,7 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
             Some((side + caps, Vector3::new(across, across, along)))
         }
         Type::Capsule => {
-            // Two hemispheres, each with its centre of mass half a radius beyond an end.
+            // The caps are two hemispheres, each with its centre of mass half a radius beyond an end of the cylinder.
             let (side, caps) = (2.0 * PI * r * h, 4.0 * PI * r * r);
             let along = (side * r * r + caps * 2.0 / 3.0 * r * r) / (side + caps);
             let far = 0.5 * h;
@@ -172,7 +174,7 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
 }
 
 impl Mesh {
-    /// Mass properties at a density of 1 kg/m^3, or for a shell 1 kg/m^2.
+    /// Mass, centre of mass and inertia of the mesh at a density of 1 kg/m^3, or for a shell 1 kg/m^2.
     pub fn weighed(&self) -> Result<BodyInertia, String> {
         let (vertices, faces) = self.triangles()?;
         properties(&vertices, &faces, self.mass_kind()?)

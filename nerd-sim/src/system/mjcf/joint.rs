@@ -35,25 +35,25 @@ pub(super) struct Joint {
     limited: Option<bool>,
     pub reference: f64,
     pub spring_reference: f64,
-    /// Stiffness, then coefficients of higher powers of the displacement.
+    /// Stiffness (N m/rad or N/m), then the coefficients of higher powers of the displacement.
     pub stiffness: [f64; 3],
-    /// Damping, then coefficients of higher powers of the velocity.
+    /// Damping (N m s/rad or N s/m), then the coefficients of higher powers of the velocity.
     pub damping: [f64; 3],
     /// Time constant (s) and damping ratio of the spring, in place of stiffness and damping.
     pub spring_damper: [f64; 2],
     pub armature: f64,
     pub friction: f64,
     pub effort: [f64; 2],
-    /// Whether a free body without children gets its frame at the centre of mass, along the principal axes.
+    /// Whether the frame of a free body without children moves to the centre of mass and the principal axes.
     pub align: bool,
     effort_limited: Option<bool>,
     /// Whether gravity compensation counts as actuator force.
     pub lifts: bool,
-    /// Attributes found for the softness of limits and dry friction; they are ignored.
+    /// Attributes that the file sets for the softness of limits and dry friction; they have no effect.
     pub soft: Vec<&'static str>,
 }
 
-/// Names of the softness attributes.
+/// Attributes that set the softness of limits and dry friction.
 const SOFT: [&str; 5] = ["margin", "solreflimit", "solimplimit", "solreffriction", "solimpfriction"];
 
 impl Default for Joint {
@@ -86,7 +86,7 @@ impl Joint {
         Self { name: name.map(String::from), kind: Kind::Free, ..Self::default() }
     }
 
-    /// Moves the joint into its body's frame, and adds the affixes to its name.
+    /// Expresses the joint in the frame of its body, and adds prefix and suffix to its name.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.pos = at.frame.transform_point(&self.pos.into()).coords.into();
@@ -151,7 +151,8 @@ impl Joint {
         largest(self.effort, self.effort_limited, compiler)
     }
 
-    /// Stiffness and damping of the spring. `inertia` is felt at the joint with all other joints free, if known.
+    /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) of the joint. `inertia` (kg m^2 or kg): inertia felt
+    /// at the joint with all other joints free, if known.
     pub fn spring(&self, inertia: Option<f64>, options: &Options) -> (f64, f64) {
         let [time, ratio] = self.spring_damper;
         let (stiffness, damping) = match inertia {
@@ -200,13 +201,13 @@ impl Joint {
     }
 }
 
-/// The range, if active: declared as limited, or with `autolimits` of positive width.
+/// The range, if it is active: declared as limited, or of positive width while `autolimits` is set.
 pub(super) fn limited(range: [f64; 2], limited: Option<bool>, compiler: &Compiler) -> Option<[f64; 2]> {
     let there = limited.unwrap_or(compiler.autolimits && range[0] < range[1]);
     there.then_some(range)
 }
 
-/// Largest magnitude of an active range; infinite without one.
+/// Largest magnitude in the range if it is active, else infinity.
 pub(super) fn largest(range: [f64; 2], said: Option<bool>, compiler: &Compiler) -> f64 {
     limited(range, said, compiler).map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()))
 }

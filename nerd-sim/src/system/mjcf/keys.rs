@@ -1,5 +1,5 @@
-//! Content of an MJCF beyond bodies, as keys of a specification: gravity, armature, springs, gains, control, a default
-//! pose.
+//! Content of an MJCF besides its bodies, as keys of a specification: gravity, armature, springs, gains, control,
+//! default pose.
 
 use std::collections::HashMap;
 
@@ -11,10 +11,10 @@ use super::joint::Joint;
 use super::tree::Tree;
 use crate::internal::*;
 
-/// Names of keyframes used as default pose, in order of preference; else the first keyframe.
+/// Names of keyframes that give the default pose, in order of preference; without them, the first keyframe does.
 const STANDING: [&str; 3] = ["home", "stand", "standing"];
 
-/// The keys, and the orientation (x y z w) of a free root in their default pose.
+/// Returns the keys of a specification, and the orientation (x y z w) of a free root in the default pose.
 pub(super) fn keys(
     tree: &Tree,
     inertias: &HashMap<String, f64>,
@@ -39,7 +39,7 @@ pub(super) fn keys(
 }
 
 /// Inertia (kg m^2 or kg) felt at each joint in the file's pose with all other joints free. Damping ratios and time
-/// constants refer to it. Empty if no joint needs it.
+/// constants of the file refer to this inertia. Empty if no joint has such a number.
 pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f64>, UrdfError> {
     let asks = tree.all_joints().any(|(_, joint, _)| joint.spring_damper != [0.0; 2])
         || tree.motors.values().any(|m| !m.ratios.is_empty());
@@ -73,7 +73,7 @@ pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f
     Ok(robot.joints().enumerate().map(|(k, joint)| (joint.name.clone(), inertia(k))).collect())
 }
 
-/// Keys of a joint that a body description lacks.
+/// The `[[joint]]` entry of a joint: the numbers that its description as a joint between bodies lacks.
 fn own(tree: &Tree, name: &str, joint: &Joint, body: usize, inertia: Option<&f64>) -> Table {
     let mut own = Table::from_iter([("name".to_string(), Value::String(name.into()))]);
     let mut set = |key: &str, x: f64| _ = own.insert(key.into(), Value::Float(x));
@@ -102,7 +102,7 @@ fn within_range(tree: &Tree, joint: &Joint, body: usize, q: f64) -> f64 {
     tree.limits(joint, body).filter(|[low, high]| low <= high).map_or(q, |[low, high]| q.clamp(low, high))
 }
 
-/// The position law of an arm with position actuators on all joints.
+/// The `[control]` table of a robot with position actuators on all joints; `None` for other robots.
 fn control(tree: &Tree, notes: &mut Vec<String>) -> Option<Table> {
     let held = |name: &str| tree.motors.get(name).filter(|motor| motor.kp > 0.0);
     let led = tree.all_joints().map(|(name, ..)| name).filter(|name| !tree.follow.contains_key(*name));

@@ -1,12 +1,13 @@
 //! Actuator laws: force from control, position and velocity.
 
-/// `gain control + bias`.
+/// The force of an actuator: gain times control plus bias.
 #[derive(Clone, Debug)]
 pub(super) struct Law {
     pub gain_kind: String,
     pub bias_kind: String,
     pub gain: f64,
-    /// Constant, coefficient of position, coefficient of velocity; a positive last one is a damping ratio.
+    /// Constant, coefficient of position, coefficient of velocity. A positive coefficient of velocity is a damping
+    /// ratio.
     pub bias: [f64; 3],
 }
 

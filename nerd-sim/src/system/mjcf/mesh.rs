@@ -52,7 +52,7 @@ fn mesh(e: &Element, scope: &Scope) -> Result<Mesh, UrdfError> {
 type Triangles = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
 impl Mesh {
-    /// Triangles (m) of the mesh: moved into the reference frame, then scaled.
+    /// Vertices (m) and triangles of the mesh: moved into the reference frame, then scaled.
     pub fn triangles(&self) -> Result<Triangles, String> {
         let (mut vertices, mut faces) = match &self.file {
             Some(file) => read(file).map_err(|reason| format!("mesh `{}`, {}: {reason}", self.name, file.display()))?,
@@ -67,12 +67,13 @@ impl Mesh {
         Ok((vertices, faces))
     }
 
-    /// A geom with this mesh at `pose` as a solid; `None` for an unreadable file.
+    /// Form and pose of a geom with this mesh at `pose`; `None` for an unreadable file.
     pub fn form(&self, pose: &Isometry3<f64>) -> Option<(Form, Isometry3<f64>)> {
         let [x, y, z] = self.scale.into();
         let turns = self.reference.rotation.angle() > 0.0 && !(x == y && y == z);
         match &self.file {
-            // Without a rotation, or with uniform scale, the pose can follow the scaling.
+            // Without a rotation of the reference frame, or with uniform scale, scaling first and moving then gives the
+            // same solid.
             Some(file) if !turns => {
                 let back = self.reference.rotation.inverse();
                 let at = -(back * self.reference.translation.vector).component_mul(&self.scale);

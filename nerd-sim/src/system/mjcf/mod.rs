@@ -1,10 +1,11 @@
 //! Reads robots from MJCF, MuJoCo's model format.
 //!
 //! A file is parsed into elements ([`parse`]) with the names and attributes of MuJoCo's schema. Elements and default
-//! classes become a model in SI units, with frames, replicas and attached models expanded. The model becomes bodies, as
-//! a URDF does, and keys of a specification. Joint coordinates are MuJoCo's, `ref` included. A link's frame is its last
-//! joint's; the body's frame is stored, too. Joint equalities hold exactly ([`nerd_core::robot::Mimic`]). Limits follow
-//! our law; contacts follow ours with the file's friction, filters and margins.
+//! classes become a model in SI units, with frames, replicas and attached models expanded. The model is converted to
+//! bodies, as a URDF is, and to keys of a specification. Joint coordinates equal MuJoCo's, including the offset `ref`.
+//! The frame of a link lies at the body's last joint; the MJCF's frame of the body is stored, too. Joint equalities
+//! hold exactly ([`nerd_core::robot::Mimic`]). Joint limits follow the law of this crate, not MuJoCo's. Contacts, too,
+//! but with the file's friction, filters and margins.
 
 mod actuator;
 mod attach;

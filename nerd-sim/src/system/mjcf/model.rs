@@ -61,7 +61,8 @@ pub(super) struct GeomPair {
     pub element: Element,
 }
 
-/// `joint = constant + multiplier leader + ..`, with both relative to their reference positions.
+/// `joint = constant + multiplier leader + ..`, with the positions of joint and leader relative to their reference
+/// positions.
 pub(super) struct Coupling {
     pub joint: String,
     pub leader: Option<String>,
@@ -69,7 +70,7 @@ pub(super) struct Coupling {
     pub element: Element,
 }
 
-/// A keyframe: coordinates by name.
+/// A keyframe: a name and joint coordinates.
 pub(super) struct Key {
     pub name: String,
     pub q: Option<Vec<f64>>,
@@ -85,7 +86,7 @@ pub(super) struct Model {
     pub fields: Fields,
     pub actuators: Vec<(Actuator, Element)>,
     pub couplings: Vec<Coupling>,
-    /// Tendons of constant length, each with its difference from the length in the file's pose.
+    /// Tendons of constant length, each with the difference of this length from the length in the file's pose.
     pub taut: Vec<(String, f64, Element)>,
     /// Fixed tendons by name: joints with their coefficients.
     pub tendons: HashMap<String, Vec<(String, f64)>>,

@@ -7,7 +7,7 @@ use super::scope::Scope;
 use super::values::{Value, value_of};
 use crate::internal::*;
 
-/// Sections with all elements of one kind.
+/// Sections of a file in which all elements count as one kind, so that they share one set of names.
 const KINDS: [&str; 4] = ["actuator", "equality", "sensor", "tendon"];
 /// Kinds of assets that need a name.
 const ASSETS: [&str; 4] = ["hfield", "material", "mesh", "texture"];
@@ -15,10 +15,10 @@ const ASSETS: [&str; 4] = ["hfield", "material", "mesh", "texture"];
 #[derive(Default)]
 pub(super) struct Names {
     known: HashSet<(String, String)>,
-    /// Names of replicated objects before suffixes, and the suffixes of replicas.
+    /// `copied`: kinds and names of replicated objects, without suffix. `suffixes`: the suffixes of replicas.
     copied: HashSet<(String, String)>,
     suffixes: HashSet<String>,
-    /// References: kind and name, referring element, attribute.
+    /// References to be checked: kind and name of the object, referring element, attribute.
     asked: Vec<((String, String), Element, String)>,
     once: HashSet<(String, String)>,
 }
@@ -62,8 +62,8 @@ impl Names {
         Err(e.refused(format!("{key}=\"{}\": there is no such {}{near}", brief(name), kind.replace('-', " "))))
     }
 
-    /// Registers the name of an element in a section or body, and its references, including class. `attached`: the
-    /// element is part of an attached model.
+    /// Registers the name of an element in a section or body, and the names that the element or its default class
+    /// refers to. `attached`: the element is part of an attached model.
     pub fn take(&mut self, e: &Element, section: &str, scope: &Scope, attached: bool) -> Result<(), UrdfError> {
         let (source, tag) = (&scope.source, e.tag.as_str());
         let kind = if KINDS.contains(&section) { section } else { tag };
@@ -103,7 +103,7 @@ impl Names {
                 Value::Named("class") if source.classes.has(text) => {}
                 Value::Named("class") => return Err(e.refused(format!("there is no default class `{}`", brief(text)))),
                 Value::Named(kind) if !part && !text.is_empty() => {
-                    // Another attribute names the kind.
+                    // The kind of such an object is the value of another attribute.
                     let kind = if kind.ends_with("type") { e.text(kind).unwrap_or_default() } else { kind };
                     let kind = if kind == "xbody" { "body" } else { kind };
                     self.ask(e, [kind, text, key], scope);

@@ -14,11 +14,11 @@ pub(super) struct Options {
     pub gravity: [f64; 3],
     /// Time step (s).
     pub step: f64,
-    /// The [`FLAGS`] that are disabled.
+    /// Those of [`FLAGS`] that the file disables.
     off: Vec<&'static str>,
-    /// Parameters that override all contacts, if the file sets them.
+    /// Parameters that override those of every contact, if the file switches this on.
     pub contact: Option<Contact>,
-    /// Whether a body collides with its parent.
+    /// Whether bodies collide with their parents.
     pub parents: bool,
     pub elliptic: bool,
     pub impratio: f64,
@@ -26,7 +26,7 @@ pub(super) struct Options {
     pub groups: Vec<f64>,
 }
 
-/// Parameters that override every contact.
+/// Parameters that override those of every contact.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Contact {
     pub margin: f64,

@@ -10,10 +10,10 @@ use crate::files::nested;
 use crate::files::read_text;
 use crate::internal::*;
 
-/// Maximum nesting of elements, and of included files.
+/// Maximum nesting of elements; [`MAX_INCLUDE_DEPTH`]: of included files.
 const MAX_DEPTH: usize = 128;
 const MAX_INCLUDE_DEPTH: usize = 16;
-/// Maximum length of the text including included files (bytes).
+/// Maximum length (bytes) of a file's text and the texts that it includes, together.
 const MAX_TEXT: usize = 1 << 26;
 
 /// Whether a text is MJCF, with `<mujoco>` as first element.
@@ -48,14 +48,14 @@ fn until_stray_end(text: &str, at: TextPos) -> Option<&str> {
 pub(super) struct Parser<'a> {
     /// Folder of the main file; included files are searched there first.
     pub folder: &'a Path,
-    /// Total length of all text so far (bytes).
+    /// Total length (bytes) of all texts parsed so far.
     pub length: usize,
     /// Files included so far.
     pub seen: HashSet<PathBuf>,
 }
 
 impl Parser<'_> {
-    /// Root element of a text; `file` is its name if it is included, at nesting `depth`.
+    /// Root element of a text. `file`: name of the file if it is included; `depth`: nesting of includes.
     pub fn parse(&mut self, text: &str, file: Option<&str>, folder: &Path, depth: usize) -> Result<Element, UrdfError> {
         let wrong = |reason: String| {
             let file = file.map_or_else(String::new, |file| format!("{file}: "));
@@ -77,7 +77,7 @@ impl Parser<'_> {
         self.element(&document.root_element(), &place, &ends, depth)
     }
 
-    /// `ends` are the positions of line ends in the text.
+    /// Converts an XML node to an element. `ends`: byte positions of the line ends in the text.
     fn element(&mut self, node: &Node, at: &Place, ends: &[usize], depth: usize) -> Result<Element, UrdfError> {
         let start = node.range().start;
         let place = Place { line: 1 + ends.partition_point(|end| *end < start) as u32, ..at.clone() };
@@ -94,13 +94,13 @@ impl Parser<'_> {
         Ok(own)
     }
 
-    /// Children of the root of an included file.
+    /// The elements of an included file: the children of its root.
     fn included(&mut self, include: &Element, depth: usize) -> Result<Vec<Element>, UrdfError> {
         let name = include.word("file").ok_or_else(|| include.refused("it names no file"))?;
         if depth == MAX_INCLUDE_DEPTH {
             return Err(include.refused("files that include each other"));
         }
-        // First relative to the main file, then relative to the including file.
+        // The path is relative to the main file, or else to the including file.
         let paths = [self.folder, &include.place.folder].map(|folder| folder.join(name));
         let path = paths.iter().find(|path| path.is_file()).unwrap_or(&paths[0]);
         if !self.seen.insert(std::fs::canonicalize(path).unwrap_or_else(|_| path.clone())) {

@@ -1,4 +1,4 @@
-//! Frame of an element on its body, and the affixes of its name.
+//! Frame of an element on its body, and prefix and suffix of its name.
 
 use crate::internal::*;
 
@@ -6,13 +6,13 @@ use crate::internal::*;
 pub(super) struct Placement {
     /// Frame of the element in the body's frame.
     pub frame: Isometry3<f64>,
-    /// Prefix and suffix of names.
+    /// Prefix of names, from attached models; `suffix`: suffix of names, from replicas.
     pub prefix: String,
     pub suffix: String,
 }
 
 impl Placement {
-    /// `own` with prefix and suffix: its name in the model.
+    /// Name in the model of an element named `own` in its file: `own` with prefix and suffix.
     pub fn name(&self, own: &str) -> String {
         format!("{}{own}{}", self.prefix, self.suffix)
     }

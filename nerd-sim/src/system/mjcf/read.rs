@@ -31,7 +31,7 @@ const NAMED: [&str; 9] =
 pub(super) struct Reader {
     pub model: Model,
     pub names: Names,
-    /// Replicas made so far, and nesting of attached models.
+    /// `copies`: number of replicas made so far; `depth`: nesting of attached models.
     pub copies: usize,
     pub depth: usize,
     /// Names of the replicas of each joint.
@@ -75,7 +75,8 @@ impl Model {
 }
 
 impl Reader {
-    /// Reads everything but bodies: meshes, actuators, couplings, contacts, keyframes. The scope adds affixes to names.
+    /// Reads everything but bodies: meshes, actuators, couplings, contacts, keyframes. The scope adds prefix and suffix
+    /// to names.
     pub fn sections(&mut self, root: &Element, scope: &Scope) -> Result<(), UrdfError> {
         self.model.meshes.extend(meshes(root, scope)?);
         self.model.fields.extend(fields(root, scope)?);

@@ -10,7 +10,8 @@ use super::shapes::Shapes;
 use super::tree::Tree;
 use crate::internal::*;
 
-/// Largest ratio of damping to least inertia of a free root (1/s): the initial rate of relative velocity loss.
+/// Largest ratio (1/s) of damping to least inertia of a free root. It is the rate at which damping reduces the
+/// velocity, relative to the velocity.
 const MAX_ROOT_DAMPING_RATE: f64 = 50.0;
 
 impl Tree<'_> {
@@ -22,7 +23,7 @@ impl Tree<'_> {
         let on = |flag: &str, x: f64| if model.options.is_off(flag) { 0.0 } else { x };
         let free = free.map(|joint| FreeRoot { armature: joint.armature, damping: on("damper", joint.damping[0]) });
         let mut made = Bodies { name: model.name.clone(), free: free.unwrap_or_default(), ..Bodies::default() };
-        // For each body of the model, the corresponding body of the robot, and the model body's frame in it.
+        // For each body of the model: index of its body in `made`, and its frame in that body.
         let mut places: Vec<Option<(usize, Isometry3<f64>)>> = vec![None; model.bodies.len()];
         let mut soft: BTreeMap<&str, Vec<String>> = BTreeMap::new();
         for (id, body) in model.bodies.iter().enumerate().filter(|(id, _)| self.ours(*id)) {
@@ -54,8 +55,8 @@ impl Tree<'_> {
         Ok(made)
     }
 
-    /// Adds a body's links and joints, a chain where it has several joints; `on`: its host, and its pose in the host.
-    /// Returns the body's frame in its last link.
+    /// Adds the links and joints of a body; several joints become a chain of links. `on`: the link that carries the
+    /// body, and the body's pose in it. Returns the body's frame in its last link.
     fn chain<'a>(
         &'a self,
         id: usize,
@@ -88,7 +89,7 @@ impl Tree<'_> {
         })
     }
 
-    /// Adds a link for each named site of a body, whose frame in the link `own` is `frame`.
+    /// Adds a link for each named site of a body. `frame`: frame of the body in the link `own`.
     fn sites(&self, id: usize, own: usize, frame: &Isometry3<f64>, made: &mut Bodies) {
         let body = &self.model.bodies[id];
         for (site, name) in body.sites.iter().filter_map(|site| Some((site, site.name.as_ref()?))) {
@@ -117,7 +118,7 @@ impl Tree<'_> {
         }
     }
 
-    /// Converts a joint; `pose` is its frame in the parent body's frame, in the file's pose.
+    /// Converts a joint; `pose`: frame of the joint in the parent body's frame, in the file's pose.
     fn joint(
         &self,
         joint: &Joint,
@@ -131,7 +132,7 @@ impl Tree<'_> {
         let axis =
             Unit::try_new(Vector3::from(joint.axis), MIN_LENGTH).ok_or_else(|| wrong("its axis has no direction"))?;
         let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
-        // The coordinate equals `ref` in the file's pose.
+        // The joint's coordinate equals `ref` in the file's pose, so the zero pose is turned or moved back by `ref`.
         let back = *axis * -joint.reference;
         pose *= if slides { Isometry3::from(back) } else { Isometry3::rotation(back) };
         let kind = match (slides, range) {

@@ -16,8 +16,8 @@ struct Known {
     children: HashMap<&'static str, usize>,
 }
 
-/// Alternative attributes: at most one is present (`a|b`), or exactly one (`a!`, `a|b!`). Attributes joined by `&` come
-/// together (`a&b`).
+/// Alternative attributes: at most one may be present (`a|b`), or exactly one must be (`a!`, `a|b!`). Attributes joined
+/// by `&` occur together or not at all (`a&b`).
 struct Choice {
     needed: bool,
     of: Vec<Vec<&'static str>>,

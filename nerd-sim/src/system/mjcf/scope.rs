@@ -7,7 +7,7 @@ use super::placement::Placement;
 use super::source::Source;
 use crate::internal::*;
 
-/// Body, frame on the body, default class, and affixes of names.
+/// Where an element stands: its file, body, frame on the body, default class, and prefix and suffix of names.
 #[derive(Clone)]
 pub(super) struct Scope {
     pub source: Arc<Source>,
@@ -17,7 +17,7 @@ pub(super) struct Scope {
 }
 
 impl Scope {
-    /// Path of an asset's file, and its name: its own, or the file's stem.
+    /// Path of an asset's file, and name of the asset: its attribute `name`, else the file's stem.
     pub fn asset(&self, e: &Element) -> Result<(Option<PathBuf>, String), UrdfError> {
         let file = self.source.asset(e);
         let stem = file.as_ref().and_then(|file| file.file_stem()).map(|stem| stem.to_string_lossy().into_owned());

@@ -1,4 +1,4 @@
-//! Converts geoms to solids: collisions if they may collide, else visual.
+//! Converts geoms to solids: collision solids if they may collide, else visual solids.
 
 use nerd_core::robot::{Form, Solid};
 
@@ -12,9 +12,9 @@ const ELLIPSOID_VERTICES: usize = 400;
 
 /// The geoms that may collide, by surface number. Geoms of a body with equal contact parameters share a number.
 pub(super) struct Shapes {
-    /// By number: the body and the indices of its geoms.
+    /// By surface number: a body, and the indices of its geoms with this number.
     pub touching: Vec<(usize, Vec<usize>)>,
-    /// By body and geom: the number.
+    /// Surface numbers `[body][geom]`; `None` for geoms that never collide.
     numbers: Vec<Vec<Option<usize>>>,
     pub notes: Vec<String>,
 }

@@ -37,7 +37,7 @@ impl Site {
         compiler.pose(e, &mut self.pose)
     }
 
-    /// Moves the site into its body's frame, and adds the affixes to its name.
+    /// Expresses the site in the frame of its body, and adds prefix and suffix to its name.
     pub fn hang(&mut self, at: &Placement) {
         self.name = self.name.take().map(|name| at.name(&name));
         self.pose = at.frame * self.fromto.take().map_or(self.pose, |ends| between(&ends).0);

@@ -36,7 +36,7 @@ impl Source {
         Ok(Self { users: users.collect(), compiler, classes, folder: folder.into(), models })
     }
 
-    /// Path of an asset's file: in the folder of meshes, else relative to the included file.
+    /// Path of an asset's file: in the folder of meshes, else relative to the included file that names the asset.
     pub fn asset(&self, e: &Element) -> Option<PathBuf> {
         let file = e.word("file")?.replace('\\', "/");
         let file = if self.compiler.strip { file.rsplit('/').next().unwrap_or_default().to_string() } else { file };

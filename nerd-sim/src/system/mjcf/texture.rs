@@ -1,10 +1,10 @@
-//! Textures of an MJCF: visual only, checked as MuJoCo's compiler does.
+//! Textures of an MJCF. They only affect pictures, but are refused where MuJoCo's compiler refuses them.
 
 use super::element::Element;
 use super::scope::Scope;
 use crate::internal::*;
 
-/// Refuses a texture with neither files nor a pattern with a size.
+/// Refuses a texture that has neither a file nor a builtin pattern with a size.
 pub(super) fn check(e: &Element, scope: &Scope) -> Result<(), UrdfError> {
     let class = scope.source.classes.of(e, None)?;
     let own = |key: &str| e.text(key).or_else(|| class.names.get(&(e.tag.clone(), key.into())).map(String::as_str));

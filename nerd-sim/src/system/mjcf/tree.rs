@@ -10,14 +10,14 @@ use crate::internal::*;
 /// Combined parameters of a joint's actuators.
 #[derive(Clone, Debug)]
 pub(super) struct Motor {
-    /// Stiffness and damping of a position or velocity law.
+    /// Stiffness kp (N m/rad or N/m) and damping kd (N m s/rad or N s/m) of the position or velocity laws.
     pub kp: f64,
     pub kd: f64,
-    /// Stiffness and damping ratio of each actuator with damping given as a ratio.
+    /// For each actuator whose damping is given as a ratio: stiffness (N m/rad or N/m) and damping ratio.
     pub ratios: Vec<[f64; 2]>,
     /// Torque limit (N m) or force limit (N); infinite without bounds.
     pub effort: f64,
-    /// Inertia and damping that the actuators add to the joint.
+    /// Inertia (kg m^2 or kg) and damping (N m s/rad or N s/m) that the actuators add to the joint.
     pub armature: f64,
     pub damping: f64,
 }
@@ -28,7 +28,7 @@ impl Default for Motor {
     }
 }
 
-/// A joint that follows another: `position = multiplier q + offset`.
+/// A joint that follows another joint with position q: its position is `multiplier q + offset`.
 #[derive(Clone, Debug)]
 pub(super) struct Follower {
     pub leader: String,
@@ -127,7 +127,7 @@ impl<'a> Tree<'a> {
         all.filter(|(_, joint, _)| matches!(joint.kind, Kind::Hinge | Kind::Slide))
     }
 
-    /// The limits of a joint; `None` without limits, or with limits disabled.
+    /// The limits of a joint (rad or m); `None` if it has none, or if the file disables limits.
     pub fn limits(&self, joint: &Joint, body: usize) -> Option<[f64; 2]> {
         let off = self.model.options.is_off("limit") || self.model.options.is_off("constraint");
         joint.limits(&self.model.bodies[body].source.compiler).filter(|_| !off)

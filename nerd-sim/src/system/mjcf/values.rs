@@ -13,7 +13,7 @@ pub(super) enum Value {
     Filled,
     /// A number of bytes, such as `4M`.
     Bytes,
-    /// Name of an object of this kind. A kind that ends in `type` names the attribute with the kind.
+    /// Name of an object of this kind. A text that ends in `type` names the attribute whose value is the kind.
     Named(&'static str),
     Numbers {
         kind: Number,
@@ -21,7 +21,7 @@ pub(super) enum Value {
         most: usize,
         bound: Option<(&'static str, f64)>,
     },
-    /// Words: exactly one of these, several, or several in this order.
+    /// Words, of which one (`word`), several, or several in this order (`ordered`) are allowed.
     Words(&'static str, Vec<&'static str>),
 }
 

@@ -13,11 +13,12 @@ pub(super) enum MassOf {
     Volume,
     /// The volume of the convex hull.
     Hull,
-    /// The faces.
+    /// The faces, as a shell of uniform thickness.
     Surface,
 }
 
-/// Mass properties at a density of 1 kg/m^3, or for a surface 1 kg/m^2; `None` without mass.
+/// Mass, centre of mass and inertia at a density of 1 kg/m^3, or for a surface 1 kg/m^2. `None` for a mesh without
+/// mass.
 pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: MassOf) -> Option<BodyInertia> {
     let hull;
     let (vertices, faces) = if of == MassOf::Hull || faces.is_empty() {
@@ -53,8 +54,8 @@ pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: Mass
     found.filter(|own| own.mass > 1e-14 && own.mass.is_finite())
 }
 
-/// Sum over triangles about `from`. Each contributes a mass: the triangle's, or the mass of the pyramid between
-/// triangle and `from` (`true`).
+/// Sums mass properties over triangles about the point `from` (m). `mass_of` gives a mass (kg), and whether it is the
+/// mass of the pyramid between triangle and `from` (`true`) or of the triangle itself (`false`).
 fn sum(
     triangles: impl Iterator<Item = [Vector3<f64>; 3]>,
     from: &Vector3<f64>,
@@ -66,8 +67,8 @@ fn sum(
         let (own, pyramid) = mass_of(corners);
         let total: Vector3<f64> = corners.iter().sum();
         let squares: Matrix3<f64> = corners.iter().map(|v| v * v.transpose()).sum();
-        // Moments of a triangle with corners v: first `sum v / 3`, second `(sum v v^T + sum v (sum v)^T) / 12`. For the
-        // pyramid between triangle and origin, 3/4 and 3/5 of these.
+        // Moments of a triangle with corners v: first `sum v / 3`, second `(sum v v^T + sum v (sum v)^T) / 12`. The
+        // moments of the pyramid between triangle and origin are 3/4 (first) and 3/5 (second) of the triangle's.
         let shares = if pyramid { [0.75, 0.6] } else { [1.0, 1.0] };
         mass += own;
         first += total * (own * shares[0] / 3.0);
