@@ -17,7 +17,7 @@ pub enum Algorithm {
 }
 
 impl Algorithm {
-    /// Their names in files, as serde writes them.
+    /// Names of the algorithms in files, as serde writes them.
     pub const WORDS: &[&str] = &["ppo", "shac"];
 
     fn usual(&self) -> bool {
@@ -30,7 +30,7 @@ fn whole(std: &f32) -> bool {
     *std == 1.0
 }
 
-/// Keys of older runs' files, constants since.
+/// Keys in files of older runs; their values are constants now.
 pub(super) const FORMER: [&str; 6] = ["lambda", "critic", "gradient_norm", "gae_lambda", "vf_coef", "max_grad_norm"];
 
 /// Keys that only PPO uses.
@@ -122,7 +122,7 @@ impl Default for PpoConfig {
     }
 }
 
-/// Shipped settings by prefix of the task's name: the paper's, then small ones for expensive steps.
+/// Shipped settings by prefix of the task's name: the paper's, then small ones for solvers with slow steps.
 const FILES: [(&str, [&str; 2]); 6] = [
     (
         "cartpole-",
@@ -132,7 +132,7 @@ const FILES: [(&str, [&str; 2]); 6] = [
     ("ant-", [include_str!("../../assets/ppo/ant.toml"), include_str!("../../assets/ppo/ant-small.toml")]),
     ("anymal-", [include_str!("../../assets/ppo/anymal.toml"), include_str!("../../assets/ppo/anymal-small.toml")]),
     ("lead-", [include_str!("../../assets/ppo/lead.toml"), include_str!("../../assets/ppo/lead-small.toml")]),
-    // Tasks from files.
+    // The empty prefix matches all other tasks, which come from files.
     ("", [include_str!("../../assets/ppo/file.toml"), include_str!("../../assets/ppo/file-small.toml")]),
 ];
 
@@ -192,7 +192,7 @@ impl PpoConfig {
         Ok(config)
     }
 
-    /// Refuses a given key that SHAC does not use.
+    /// Refuses a key that was given although SHAC does not use it.
     fn used(&self, given: impl Fn(&str) -> bool) -> Result<(), String> {
         match OF_PPO.iter().find(|key| self.algorithm == Algorithm::Shac && given(key)) {
             Some(key) => Err(format!("SHAC has no use for `{key}`: leave it out, or train by PPO")),

@@ -2,7 +2,7 @@
 //! rl_games).
 //!
 //! p is the ratio of new to old action probability, A the advantage, eps the clip range. v and R are the normalised
-//! value and return.
+//! value and return, mu and s the mean action and log standard deviation.
 //!
 //! ```text
 //! L = max(-A p, -A clamp(p, 1 - eps, 1 + eps))
@@ -48,7 +48,7 @@ pub struct Terms {
     /// KL divergence `KL(new, old)`, where old is the policy one pass earlier.
     #[serde(deserialize_with = "figure")]
     pub kl: f64,
-    /// Steps with a ratio outside the clip range.
+    /// Steps with a probability ratio outside the clip range.
     #[serde(deserialize_with = "figure")]
     pub clipped: f64,
 }
