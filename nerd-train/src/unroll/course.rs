@@ -20,7 +20,7 @@ pub struct Course<B> {
     pub frames: usize,
 }
 
-/// Start of a rollout if it restarts, and whether it must (`anew`).
+/// Random draw for a rollout: `place` is its start if it restarts, `anew` forces a restart.
 pub(super) struct Draw<V> {
     pub anew: bool,
     pub place: Place<V>,

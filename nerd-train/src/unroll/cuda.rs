@@ -1,9 +1,9 @@
 //! [`CudaUnrollLearner`]: updates through many frames on the device.
 //!
-//! States at the end of an update and motions stay on the device. Forward, each frame is `look -> network -> advance`:
-//! observe the states, predict, step the states. Backward, from the last frame, it is `loss and look -> network ->
-//! output -> network back -> frame back`. Activations are recomputed instead of stored. One captured graph holds the
-//! whole update. The host draws the starts of rollouts, and reads back which rollouts may continue.
+//! The motions, and the states at the end of an update, stay on the device. Forward, each frame is `look -> network ->
+//! advance`: observe the states, predict, step the states. Backward, from the last frame, it is `loss and look ->
+//! network -> output -> network back -> frame back`. Activations are recomputed instead of stored. One captured graph
+//! holds the whole update. The host draws the starts of rollouts, and reads back which rollouts may continue.
 
 use nerd_cuda::{Arg, Buffer, Device, DeviceResult, Replay, args};
 use nerd_model::program::Slot;
@@ -26,7 +26,7 @@ const KERNELS: [&str; 10] = [
     "unroll_add",
     "unroll_total",
 ];
-/// Torques in the network's input: those on the gripper's axes.
+/// Number of torques in a frame: those on the gripper's axes.
 const LED: usize = 6;
 /// Recorded states per upload.
 const SENT: usize = 1 << 16;
@@ -45,7 +45,7 @@ pub struct CudaUnrollLearner {
     rollouts: Buffer<f64>,
     /// States `[frame][rollout]`.
     states: Buffer<f64>,
-    /// Gradients with respect to states, and data for a frame's backward pass.
+    /// `upstream`: gradients with respect to states. `kept`: contact normals and gaps for a frame's backward pass.
     upstream: Buffer<f64>,
     kept: Buffer<f64>,
     by_tokens: Buffer<f32>,
@@ -125,7 +125,7 @@ impl CudaUnrollLearner {
         self.network.device.launch_blocks(kernel, self.network.rows, self.threads, args)
     }
 
-    /// Computes the gradient of an update, followed by the loss.
+    /// Computes gradient and loss of an update; the loss is stored after the gradient.
     fn pass(&self) -> DeviceResult {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
@@ -199,7 +199,7 @@ impl Learner for CudaUnrollLearner {
         self.optimiser.progress(&self.network.device)
     }
 
-    /// As [`super::UnrollLearner`], on the CPU.
+    /// Validates as [`super::UnrollLearner`] does, on the CPU.
     fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);

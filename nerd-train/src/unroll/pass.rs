@@ -5,9 +5,9 @@ use super::*;
 /// A predicted state along a motion.
 #[derive(Clone)]
 pub struct Rollout<B: Body> {
-    /// Its present frame.
+    /// Present frame of the motion.
     pub place: Place<B::View>,
-    /// Its state, in the view of its place.
+    /// Predicted state before that frame, in the view of `place`.
     pub state: B::State,
 }
 
@@ -77,7 +77,7 @@ impl<B: Body> Unroll<'_, B> {
     }
 
     /// Gradients with respect to the states before a frame, from the upstream gradients of later frames (empty for the
-    /// last frame). Adds to `gradient` the part with respect to the weights.
+    /// last frame). Adds the gradient with respect to the weights to `gradient`.
     fn backward(
         &self,
         kept: &Kept<B>,

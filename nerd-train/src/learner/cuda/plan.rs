@@ -1,8 +1,8 @@
 //! The plan of a program on a GPU: its steps as parts with kernels, and offsets of rows and parameters. `lowering.rs`
 //! makes it.
 //!
-//! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. Both gradients follow from the
-//! gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
+//! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. The gradients of W and w follow from
+//! the gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::*;
 
@@ -82,7 +82,7 @@ impl Plan {
         if slot == Slot(0) { self.padded } else { self.program.width(slot) }
     }
 
-    /// Whether an activation is fused with a bias.
+    /// Whether any activation of the program is fused with a bias.
     pub fn biased(&self) -> bool {
         let fused = |pair: &[Part]| {
             matches!(pair, [Part::Shift { fused: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })])

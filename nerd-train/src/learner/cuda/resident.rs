@@ -173,7 +173,8 @@ impl Motion for Frames {
 }
 
 impl Made {
-    /// Clears the memory of environments that `first` does not continue. `hold`: torques are constant over the frames.
+    /// Clears the memory of each environment whose frame in `first` does not continue the remembered frames. `hold`:
+    /// torques are constant over the frames.
     fn follow(&mut self, first: &[u64], hold: bool) -> DeviceResult {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
@@ -192,7 +193,7 @@ impl Made {
         Ok(())
     }
 
-    /// One frame; launched as a graph from the second call on.
+    /// Steps one frame; from the second call on, launches a captured graph.
     fn go(&self, held: &Held) -> DeviceResult {
         self.replay
             .run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))

@@ -23,7 +23,7 @@ struct Data {
     y: Buffer<f32>,
     /// Shape of the windows, without data.
     shape: Windows,
-    /// Windows in all, and per trajectory.
+    /// `count`: number of all windows. `per`: windows per trajectory.
     count: usize,
     per: usize,
 }

@@ -11,9 +11,10 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
         to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-// Samples actions. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Action i
-// takes the i-th normal number of stream `*stream + later`, drawn in pairs (Box-Muller) of four words each. Values are
-// in units of reward; `units` holds their mean and scale.
+// Samples actions. A row of `said` holds mean action, value and log standard deviation; the last is in `parameter`
+// unless that is null. Number i of all actions takes the i-th normal number of stream `*stream + later`. Box-Muller
+// makes each pair of normal numbers from four 32-bit words. Values are in units of reward; `units` holds their mean and
+// scale.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3,
                                const u64* stream, u64 later, const double* units, float* means, float* spreads,
                                float* actions, float* neg_log_prob, double* values, float* kept, int rows, int a,
@@ -42,7 +43,7 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
     values[row] = (double)mu[a] * units[1] + units[0];
 }
 
-// Writes values to the indices in `which`, or in order; rows with index -1 are skipped.
+// Writes values to the indices in `which`, or in order if `which` is null. Rows with index -1 are skipped.
 extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values,
                                  int rows, int a, int outputs) {
     const u64 row = INDEX;
@@ -78,7 +79,8 @@ extern "C" __global__ void gae(const double* rewards, const unsigned char* ends,
     }
 }
 
-// Column sums over every `parts`-th row, of numbers or of squared distances from `means`.
+// Column sums over every `parts`-th row: of squared deviations from `means`, or of the numbers themselves if `means` is
+// null.
 extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts,
                                    double* partial) {
     const u64 i = INDEX, column = i % width;
@@ -91,7 +93,7 @@ extern "C" __global__ void columns(const double* rows, const double* means, u64 
     partial[i] = sum;
 }
 
-// Column means from these partial sums, added in order.
+// Column means from the partial sums of `columns`, added in order.
 extern "C" __global__ void mean(const double* partial, u64 n, int width, int parts, double* out) {
     const u64 column = INDEX;
     if (column >= width) return;

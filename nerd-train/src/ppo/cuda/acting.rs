@@ -31,7 +31,8 @@ impl CudaEngine {
         self.net.forward_from(inputs, weights, count)
     }
 
-    /// Writes the values of the last evaluation to `to`, at the indices in `which` (0: in order).
+    /// Writes the values of the last evaluation to the address `to`, at the indices stored at `which`. If `which` is 0,
+    /// writes them in order.
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> DeviceResult {
         let (said, units) = (self.net.predictions(), &self.kept.units);
         self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
@@ -46,8 +47,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Samples the actions of step t from the observations on the device; the noise is stream `later` after the one in
-    /// `kept.noise`.
+    /// Samples the actions of step t from the observations on the device. The number of their noise stream is `later`
+    /// plus the number in `kept.noise`.
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> DeviceResult {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
@@ -66,8 +67,8 @@ impl CudaEngine {
         self.over("act", n, &[&read[..], &written].concat())
     }
 
-    /// Values, by the weights at `weights`, of the states after the last step and of final states of truncated
-    /// episodes.
+    /// Computes values with the weights at `weights`: those of states after the last step and of final states of
+    /// truncated episodes.
     pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;
@@ -104,10 +105,10 @@ impl CudaEngine {
     /// advantages are 0.
     pub(super) fn loss_inputs(&self, policy: &mut Policy, advantages: bool) -> Result<()> {
         let n = self.kept.horizon * self.kept.environments;
-        // Columns: advantages, returns.
+        // `both` has two columns: advantages and returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
-        // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
-        // never predicted.
+        // Normalise old values by the moments that they were predicted with. By the updated moments, value clipping
+        // would compare with values that were never predicted.
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);

@@ -1,5 +1,5 @@
 // Parts of a PPO update around the network: the loss of loss.rs with its gradient, and Adam's factors. Sums have a
-// fixed order. The prefix ppo avoids names of the network's kernels.
+// fixed order. The prefix `ppo` keeps kernel names apart from those of the network.
 
 typedef unsigned long long u64;
 
@@ -23,9 +23,9 @@ __device__ double warp_sum(double x) {
     return x;
 }
 
-// Loss of each row. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Writes
-// the gradient with respect to these and sums of the terms by block. Stores the present mean and log standard
-// deviation, for the next pass's KL divergence.
+// Loss of each row. A row of `said` holds mean action, value and log standard deviation; the last is in `parameter`
+// unless that is null. Writes the gradient with respect to these three, and sums of the loss terms by block. Stores the
+// present mean and log standard deviation, for the next pass's KL divergence.
 extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order,
                                     const float* actions, const float* neg_log_prob, const float* advantages,
                                     const float* value_targets, const float* values, float* means, float* spreads,

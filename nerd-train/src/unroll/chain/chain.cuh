@@ -181,7 +181,8 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
         const double by_soon = row[16] * (1 - soon * soon) / (0.75 * RADIUS);
         const double by_gap = 20.0 * row[12] - row[13] * exp(-size(gap) / RADIUS) / RADIUS
                               + row[14] * (1 - sharp * sharp) * 4 / RADIUS + by_soon;
-        // Normals are held constant. Beyond reach they are zero, and nothing depends on the gap.
+        // Normals count as constant. For a rod out of reach of all surfaces, the normal is zero and nothing depends on
+        // the gap.
         write3(ends + 3 * k, normal * by_gap);
         write3(ends + 3 * (RODS + k), v3(row[6], row[7], row[8]) * 0.5 + normal * (0.5 * row[15] + by_soon * FRAME));
     }
@@ -205,7 +206,7 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
     SYNC;
 }
 
-// Loss of frame k, from 1; adds its gradient to `gradient`. Overwrites `ends` and `true_ends`.
+// Loss of frame k (counted from 1); adds its gradient to `gradient`. Overwrites `ends` and `true_ends`.
 FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight,
                double* gradient) {
     OF_BLOCK double parts[RODS + 1];
@@ -243,8 +244,8 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
-// Adds the upstream gradient of `later` later frames to the frame's gradient, clipped to `later` times that gradient's
-// norm.
+// Adds the upstream gradient of `later` later frames to the frame's gradient, clipped to `later` times the norm of the
+// frame's gradient.
 FN void join(const double* behind, int later, double* gradient) {
     OF_BLOCK double squares[2];
     EACH(c, 2) {

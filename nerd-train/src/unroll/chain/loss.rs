@@ -2,13 +2,13 @@
 //!
 //! With `p(e) = sqrt(1 + e^2) - 1`, means over the numbers of each term, and `q = 2 f sqrt k` in frame k of a rollout:
 //! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`. Errors are dt and dtd of rod
-//! directions and rates, dx and dv of nodes and their velocities, dg of the gripper. T is the frame time, A the mean
-//! change of rates, V the mean change of node velocities. G is the mean error of the gripper's glide. Errors grow along
-//! a rollout, and q grows with them.
+//! directions and rates (1/s), dx (m) and dv (m/s) of node positions and velocities, dg of the gripper. T is the frame
+//! time (s). A (1/s) and V (m/s) are the mean changes of rates and of node velocities over a frame. G is the mean error
+//! of the gripper's glide. Errors grow along a rollout, and q grows with them.
 
 use super::*;
 
-/// Share f of a frame's mean change that is an error of 1: for single frames, and for rollouts.
+/// Unit of errors, as a share f of the mean change over a frame: for single frames, and for rollouts.
 const SHARE: [f64; 2] = [0.1, 0.2];
 
 /// Units of errors.
@@ -20,7 +20,7 @@ pub struct Loss {
     pub velocity: f64,
     /// Mean error of the gripper's glide (m, m/s, rad, rad/s).
     pub gripper: [f64; 12],
-    /// Share f of a frame's mean change that is an error of 1.
+    /// Unit of errors, as a share f of the mean change over a frame.
     pub share: f64,
 }
 

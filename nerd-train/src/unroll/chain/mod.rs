@@ -121,7 +121,7 @@ impl Body for Cable {
 
 /// Device side, in f64.
 impl Cable {
-    /// Numbers of a state on a device.
+    /// Number of numbers in a chain's state on the device.
     pub fn width(&self) -> usize {
         numbers(&self.chain)
     }

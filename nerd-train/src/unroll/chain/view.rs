@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// A view of a motion: y mirrored or not, then turned by yaw.
+/// A view of a motion: y mirrored or not, then turned by the angle yaw (rad).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     pub(super) yaw: f64,
@@ -13,7 +13,7 @@ pub struct View {
 }
 
 impl View {
-    /// Mirrored or not, then turned by `yaw` (rad).
+    /// A view that mirrors y if `mirrored`, then turns by `yaw` (rad).
     pub fn new(yaw: f64, mirrored: bool) -> Self {
         let (sin, cos) = yaw.sin_cos();
         Self { yaw, mirror: if mirrored { -1.0 } else { 1.0 }, sin, cos }
@@ -29,7 +29,7 @@ impl View {
         Vector3::new(self.cos * v.x + self.sin * v.y, self.mirror * (self.cos * v.y - self.sin * v.x), v.z)
     }
 
-    /// Transforms a chain.
+    /// Transforms the state of a chain.
     pub fn rods(&self, chain: &Chain, rods: &Rods) -> Rods {
         let Gripper { at, velocity, angles, rates } = &rods.gripper;
         let turn = |v: &Vector3<f64>| Vector3::new(v.x * self.mirror, v.y, v.z * self.mirror);
@@ -50,7 +50,7 @@ impl View {
         [force.x, force.y, force.z, yaw, torques[4], torques[5] * self.mirror]
     }
 
-    /// The nearest surface at a position of the view, with its normal transformed.
+    /// The nearest surface at the position `place` of the view, with the surface's normal in the view.
     pub fn contact(&self, chain: &Chain, scene: &Scene, place: &Vector3<f64>) -> ContactEvent {
         let event = scene.contact(&(chain.home + self.back(&(place - chain.home))));
         ContactEvent { normal: self.vector(&event.normal), ..event }

@@ -1,6 +1,7 @@
 // Kernels that every program needs. The source of a program, compiled at run time, joins the files of its operations.
-// Its shapes are constants in front: T tokens in a window, IN inputs, LDX padded inputs, OUT outputs. All arrays are
-// f32 and row-major. Every sum has a fixed order (no float atomics), so equal inputs give equal bits.
+// The program's shapes are constants at the start of the source: T tokens in a window, IN inputs, LDX padded inputs,
+// OUT outputs. All arrays are f32 and row-major. Every sum has a fixed order (no float atomics), so equal inputs give
+// equal bits.
 
 typedef unsigned long long u64;
 
