@@ -1,9 +1,9 @@
 //! Optimiser updates of a network, on the CPU, a GPU or a device of burn.
 //!
 //! Loss: squared error in normalised target units, or its pseudo-Huber form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`, averaged
-//! over windows, tokens and outputs. Reported losses are always the mean squared error. Update: gradient clipped to a
-//! global norm, then Adam (beta 0.9, 0.999, epsilon 1e-8, no decay) and a moving average of the weights `a += blend (w
-//! - a)` (see [`optimiser::blend`]).
+//! over windows, tokens and outputs. Reported losses are always the mean squared error. An update clips the gradient to
+//! a global norm, then takes a step of Adam (beta 0.9, 0.999, epsilon 1e-8, no weight decay). A moving average of the
+//! weights follows, `a += blend (w - a)` (see [`optimiser::blend`]).
 
 #[cfg(feature = "burn")]
 mod burn;
@@ -31,8 +31,8 @@ pub struct LearnerConfig {
     pub average: f64,
     /// Seed of the window draws.
     pub seed: u64,
-    /// Error, in standard deviations of a target, where the pseudo-Huber loss turns from quadratic to linear; without
-    /// it the loss is quadratic (paper).
+    /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear.
+    /// `None`: quadratic loss (paper).
     pub huber: Option<f32>,
     /// Optimiser of the hidden matrices (paper: Adam).
     pub optimizer: Optimizer,

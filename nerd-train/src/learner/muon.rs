@@ -1,10 +1,10 @@
 //! Muon for the hidden matrices (K. Jordan and others, 2024): the update is orthogonalised momentum.
 //!
 //! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`.
-//! So an update has about the root mean square of an Adam update, and one learning rate serves both optimisers (Liu and
-//! others 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times `X <- (a 1 + b A + c A^2)
-//! X`, `A = X X^T`, which drives all singular values to about 1. All other parameters use Adam. The matrices of query,
-//! key and value are orthogonalised one by one.
+//! So an update has about the root mean square of an Adam update, and one learning rate serves both (Liu and others
+//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm, then iterates `X <- (a 1 + b A + c A^2) X`, `A = X X^T`
+//! five times. This drives all singular values to about 1. All other parameters use Adam. The matrices of query, key
+//! and value are orthogonalised one by one.
 
 use std::ops::Range;
 

@@ -49,8 +49,8 @@ impl Arena {
     /// The arena of a task with robots drawn from the family `name`.
     ///
     /// # Errors
-    /// If the family draws no parameter, belongs to another robot than the task's, or the solver cannot step robots
-    /// that differ.
+    /// If the family draws no parameter or belongs to another robot than the task's. Also if the solver cannot step
+    /// robots that differ.
     pub fn family(task: &str, name: &str, solver: SolverSpec) -> Result<Self> {
         let device = solver.device();
         device.check()?;

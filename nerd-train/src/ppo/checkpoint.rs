@@ -111,7 +111,8 @@ fn whole(config: &PpoConfig, run: &str, seed: u64) -> String {
     serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string()
 }
 
-/// The cause if two identities differ by a hash alone: the task's (`task HASH of ..`) or the robot's (last word).
+/// The cause if two identities differ by one hash alone. It is the task's (`task HASH of ..`) or the robot's (last
+/// word).
 fn changed(was: &str, now: &str) -> Option<&'static str> {
     let (was, now) = (was.split(' ').collect_vec(), now.split(' ').collect_vec());
     let apart = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect_vec();

@@ -95,7 +95,7 @@ pub struct PpoConfig {
     pub target_kl: f64,
 }
 
-/// Values shared by all tasks of the paper, and sizes for a small task: an iteration takes seconds at most, on any
+/// Values shared by all tasks of the paper, and sizes for a small task. An iteration takes seconds at most on any
 /// machine.
 impl Default for PpoConfig {
     fn default() -> Self {
@@ -153,8 +153,8 @@ fn built_in(task: &str) -> Result<bool> {
 }
 
 impl PpoConfig {
-    /// Small settings for a task: fewer environments and more updates per step than the paper's, for a learned
-    /// simulator on the CPU.
+    /// Small settings for a task, for a learned simulator on the CPU. They have fewer environments and more updates per
+    /// step than the paper's settings.
     pub fn small(task: &str) -> Result<Self> {
         Self::shipped(task, 1)
     }

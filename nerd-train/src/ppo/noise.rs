@@ -27,7 +27,7 @@ pub(super) fn key(rng: &ChaCha8Rng) -> [u64; 4] {
 }
 
 /// Samples actions `N(mean, exp(spread)^2)` with the noise of one stream. Each thread starts at the stream position of
-/// its first action, so the result does not depend on the number of threads.
+/// its first action. So the result does not depend on the number of threads.
 pub(super) fn drawn(answer: &PolicyOutput, key: StreamKey) -> Vec<f32> {
     const PART: usize = 4096;
     let mut out = vec![0.0; answer.mean.len()];

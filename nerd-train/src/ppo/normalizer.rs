@@ -1,6 +1,6 @@
 //! Running mean and variance, by the batch update of Chan, Golub and LeVeque.
 //!
-//! For n rows so far and m new rows of mean b and variance w, with `d = b - mean`:
+//! Let n be the number of rows so far, and let m new rows have mean b and variance w. With `d = b - mean`:
 //! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
 
 use super::*;

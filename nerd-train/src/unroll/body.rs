@@ -2,8 +2,7 @@
 
 use super::*;
 
-/// A system in a rollout: its observation by the network, its step and its loss, each with a hand-written
-/// vector-Jacobian product.
+/// A system in a rollout: its observation, step and loss, each with a hand-written vector-Jacobian product (VJP).
 pub trait Body: Clone + Send + Sync {
     /// Augmentation of a motion, such as a turn and a reflection.
     type View: Copy + Send + Sync;
@@ -18,13 +17,13 @@ pub trait Body: Clone + Send + Sync {
 
     /// Working memory of a thread.
     fn memory(&self) -> Self::Memory;
-    /// Tokens of one state.
+    /// Number of tokens of one state.
     fn tokens(&self) -> usize;
     /// View of a motion: yaw (rad), and whether it is mirrored.
     fn view(&self, yaw: f64, mirrored: bool) -> Self::View;
     /// Recorded state at a place of a motion, transformed by the view of the place.
     fn truth(&self, motions: &Motions, place: &Place<Self::View>) -> Self::State;
-    /// Observes a state at a place of a motion; appends normalised tokens to `tokens`.
+    /// Observes a state at a place of a motion; appends the network's normalised input tokens to `tokens`.
     fn look(
         &self,
         state: &Self::State,
@@ -42,13 +41,14 @@ pub trait Body: Clone + Send + Sync {
     ) -> Self::State;
     /// Zero gradient.
     fn level(&self) -> Self::Slope;
-    /// Loss of a `[predicted, true]` state in frame k (from 1), times `weight`; adds its gradient to `gradient`.
+    /// Loss of a `[predicted, true]` pair of states after frame k (counted from 1), times `weight`. Adds the loss's
+    /// gradient to `gradient`.
     fn loss(&self, pair: [&Self::State; 2], k: usize, weight: f64, gradient: &mut Self::Slope) -> f64;
     /// Adds the upstream gradient of `later` later frames to the frame's gradient `own`, times the factor of the
     /// function `join`.
     fn join(&self, own: &mut Self::Slope, upstream: &Self::Slope, later: usize);
-    /// Gradient with respect to the outputs, from the `upstream` gradient with respect to the state after the frame.
-    /// Adds to `gradient` the gradient with respect to the state before the frame that bypasses network and
+    /// Gradient with respect to the network's outputs, from the `upstream` gradient with respect to the state after the
+    /// frame. Adds to `gradient` the gradient with respect to the state before the frame that bypasses network and
     /// observation.
     fn advance_back(
         &self,

@@ -1,9 +1,10 @@
 //! [`CudaUnrollLearner`]: updates through many frames on the device.
 //!
-//! The motions, and the states at the end of an update, stay on the device. Forward, each frame is `look -> network ->
-//! advance`: observe the states, predict, step the states. Backward, from the last frame, it is `loss and look ->
-//! network -> output -> network back -> frame back`. Activations are recomputed instead of stored. One captured graph
-//! holds the whole update. The host draws the starts of rollouts, and reads back which rollouts may continue.
+//! The motions, and the states at the end of an update, stay on the device. Forward, each frame is
+//! `look -> network -> advance`: observe the states, predict, step the states. Backward, from the last frame, it is
+//! `loss and look -> network -> output -> network back -> frame back`. Activations are recomputed instead of stored.
+//! One captured graph holds the whole update. The host draws the starts of rollouts, and reads back which rollouts may
+//! continue.
 
 use nerd_cuda::{Arg, Buffer, Device, DeviceResult, Replay, args};
 use nerd_model::program::Slot;

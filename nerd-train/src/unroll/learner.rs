@@ -12,7 +12,7 @@ pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
     course: Course<B>,
     network: Loaded,
-    /// Rollouts at the end of the last update; a resumed run restarts all of them.
+    /// Rollouts to continue from the last update, `None` if far from the truth. A resumed run restarts all rollouts.
     rollouts: Vec<Option<Rollout<B>>>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }

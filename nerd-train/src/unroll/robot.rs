@@ -1,5 +1,5 @@
-//! Robots with one token per frame and predictions added to the state; contacts are detected anew in every predicted
-//! state.
+//! Robots with one token per frame; the network predicts a change of state. Contacts are detected anew in every
+//! predicted state.
 
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
@@ -16,9 +16,9 @@ const LEAST: f64 = 1e-9;
 
 /// A robot in rollouts.
 ///
-/// The loss of frame k is a sum of means of `p(e / 2 f u sqrt k)`, with `p(e) = sqrt(1 + e^2) - 1` and f = 0.02. The
-/// means are over root rotation, root translation and joints, each for pose and velocity. e is the error of the
-/// predicted state in the tangent space of the truth ([`difference`]). For a velocity, u is its mean change over a
+/// The loss of frame k is a sum of six means of `p(e / 2 f u sqrt k)`. Here `p(e) = sqrt(1 + e^2) - 1` and f = 0.02.
+/// The means are over root rotation, root translation and joints, each for pose and velocity. The error e is that of
+/// the predicted state in the tangent space of the truth ([`difference`]). For a velocity, u is its mean change over a
 /// frame (m/s or rad/s). For a pose, u is that change times the frame time.
 #[derive(Clone)]
 pub struct Robot {

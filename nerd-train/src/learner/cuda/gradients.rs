@@ -8,8 +8,8 @@ use super::*;
 /// Threads of a block, one per environment.
 const THREADS: usize = 32;
 
-/// Memory for the backward pass over some frames of a batch of one system: the network's activations in all these
-/// frames.
+/// Memory for the backward pass over some frames of a batch of one system. It holds the network's activations in all
+/// these frames.
 pub(super) struct FramesBack {
     network: Network,
     weights: Buffer<f32>,

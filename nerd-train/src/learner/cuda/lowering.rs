@@ -1,4 +1,4 @@
-//! Lowers a program to the parts of a [`Plan`]: folds scales into matrices, and fuses biases and positions with the
+//! Lowers a program to the parts of a [`Plan`]. Folds scales into matrices, and fuses biases and positions with the
 //! kernel that reads them. Refuses operations without kernels.
 
 use super::*;

@@ -25,8 +25,8 @@ struct Scalars {
     blend: f32,
 }
 
-/// The optimiser on the GPU. Everything that changes between updates (step, learning rate, bias corrections, decay of
-/// the average) is on the GPU, so no update waits for the GPU.
+/// The optimiser on the GPU. Step, learning rate, bias corrections and decay of the average change between updates.
+/// They are on the GPU too, so no update waits for it.
 pub(crate) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
@@ -74,7 +74,7 @@ impl Optimiser {
     }
 
     /// Makes an update from the gradients. The number after the gradients is a sum of squared errors, or a chain's
-    /// loss; times `mean` it is the reported loss.
+    /// loss. Its product with `mean` is the reported loss.
     pub fn update(&self, d: &Device, mean: f32) -> LearnResult {
         let Self { weights, average, gradients, m, v, norms, scalars, muon, config, beta, .. } = self;
         let p = weights.len;

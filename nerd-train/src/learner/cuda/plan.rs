@@ -1,5 +1,5 @@
 //! The plan of a program on a GPU: its steps as parts with kernels, and offsets of rows and parameters. `lowering.rs`
-//! makes it.
+//! makes the plan.
 //!
 //! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. The gradients of W and w follow from
 //! the gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
@@ -23,7 +23,7 @@ pub(crate) struct Plan {
     pub(super) parts: Vec<Part>,
     /// Offsets of tensors in the flat vector, then its length.
     pub starts: Vec<usize>,
-    /// By row of a folded matrix: offsets of the row of W, of its scale and of the row of W', then the number of
+    /// For each row of a folded matrix: offsets of the row of W, of its scale and of the row of W', and the number of
     /// columns.
     pub folds: Vec<[i32; 4]>,
     /// Floats of all folded matrices.

@@ -1,5 +1,5 @@
-//! A model as a solver with its batch on the GPU: contacts, tokens, network and next state are one captured graph per
-//! frame.
+//! A model as a solver with its batch on the GPU. A captured graph steps one frame: contacts, tokens, network and next
+//! state.
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program};

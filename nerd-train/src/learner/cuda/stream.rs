@@ -49,7 +49,7 @@ impl CudaStream {
         net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
     }
 
-    /// Clears the memory of the environments `envs`, if kernels count the tokens on the device.
+    /// Clears the memory of the environments `envs`, for callers whose kernels count the tokens on the device.
     pub(super) fn forget(&mut self, envs: &[usize]) -> DeviceResult {
         if envs.is_empty() {
             return Ok(());

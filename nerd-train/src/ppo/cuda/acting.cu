@@ -1,4 +1,5 @@
-// Actions, values and advantages of a rollout, with the noise and arithmetic of the CPU: f64 where the CPU uses f64.
+// Actions, values and advantages of a rollout. Noise and arithmetic are those of the CPU, in f64 where the CPU uses
+// f64.
 
 // Clamps to +-most; NaN stays NaN.
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
@@ -11,10 +12,10 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
         to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-// Samples actions. A row of `said` holds mean action, value and log standard deviation; the last is in `parameter`
-// unless that is null. Number i of all actions takes the i-th normal number of stream `*stream + later`. Box-Muller
-// makes each pair of normal numbers from four 32-bit words. Values are in units of reward; `units` holds their mean and
-// scale.
+// Samples actions. A row of `said` holds mean action and value, then the log standard deviation if `parameter` is null.
+// Otherwise `parameter` holds the log standard deviation. Number i of all actions takes the i-th normal number of
+// stream `*stream + later`. Box-Muller makes each pair of normal numbers from four 32-bit words. Values are in units of
+// reward; `units` holds their mean and scale.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3,
                                const u64* stream, u64 later, const double* units, float* means, float* spreads,
                                float* actions, float* neg_log_prob, double* values, float* kept, int rows, int a,
@@ -51,8 +52,8 @@ extern "C" __global__ void value(const float* said, const unsigned* which, const
         values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
 }
 
-// Maps bootstrap rows to indices of `values`: first the `n` states after the last step, then final states of truncated
-// episodes by step. Values of the steps themselves come before both. Unused rows get -1.
+// Maps bootstrap rows to indices of `values`; unused rows get -1. `values` begins with the values of all steps. Then
+// come those of the `n` states after the last step, then those of final states of truncated episodes, by step.
 extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, int n, int horizon, int slots) {
     const u64 env = INDEX;
     if (env >= n) return;

@@ -10,7 +10,7 @@ fn units(policy: &Policy) -> [f64; 2] {
 }
 
 impl CudaEngine {
-    /// Begins a rollout of a policy; `noise` is the stream of its first step.
+    /// Begins a rollout of a policy; `noise` is the noise stream of the first step.
     pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> DeviceResult {
         let inverse = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect_vec();
         self.net.device.write(&self.weights, &policy.flat)?;
@@ -22,8 +22,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Evaluates the network with the weights at `weights` on `count` rows at `rows`; writes normalised rows to
-    /// `inputs`.
+    /// Normalises `count` observations at `rows` to `inputs`, then evaluates the network on them. `weights`, `rows` and
+    /// `inputs` are addresses.
     pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> DeviceResult {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = args![rows, mean, inverse, inputs, count * width, width, self.net.plan.padded];
@@ -38,7 +38,7 @@ impl CudaEngine {
         self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
     }
 
-    /// Refuses data of other sizes than the memory was made for.
+    /// Refuses the data `what` unless `right`: its sizes must be those that the memory was made for.
     pub(super) fn fits(&self, what: &str, right: bool) -> Result<()> {
         let Kept { environments, horizon, .. } = self.kept;
         if !right {
@@ -67,8 +67,8 @@ impl CudaEngine {
         self.over("act", n, &[&read[..], &written].concat())
     }
 
-    /// Computes values with the weights at `weights`: those of states after the last step and of final states of
-    /// truncated episodes.
+    /// Computes the values of states after the last step and of final states of truncated episodes. `weights` is the
+    /// address of the weights.
     pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;

@@ -11,16 +11,16 @@ pub(super) struct Kept {
     pub horizon: usize,
     pub step: usize,
     pub observations: Buffer<f64>,
-    /// Values in units of reward: of all steps, of the states after the last step, and of final states of truncated
-    /// episodes by step.
+    /// Values in units of reward: first of all steps `[step][env]`, then of the states after the last step `[env]`.
+    /// Last come those of final states of truncated episodes, by step.
     pub values: Buffer<f64>,
     pub both: Buffer<f64>,
-    /// Reward of each step, and how it ended its episode (`gae.rs`).
+    /// `rewards`: reward of each step. `ends`: whether and how the step ended its episode (`gae.rs`).
     pub rewards: Buffer<f64>,
     pub ends: Buffer<u8>,
-    /// `rows`, `inputs`, `which`: bootstrap rows, raw and normalised, and the indices of their values, each `[1 +
-    /// slots][env]`. The first row of an environment is the state after the last step. Up to `slots` final states of
-    /// truncated episodes follow.
+    /// `rows`, `inputs`, `which`: bootstrap rows, raw and normalised, and the indices of their values, each
+    /// `[1 + slots][env]`. The first row of an environment is the state after the last step. Up to `slots` final states
+    /// of truncated episodes follow.
     pub rows: Buffer<f64>,
     pub inputs: Buffer<f32>,
     pub which: Buffer<u32>,

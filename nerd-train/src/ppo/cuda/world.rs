@@ -40,8 +40,8 @@ pub(super) struct World {
     n: usize,
 }
 
-/// Ring buffer of stepped frames: states and goals before each frame, torques during it. Frame k is at index `k %
-/// room`.
+/// Ring buffer of stepped frames: states and goals before each frame, torques during it. Frame k is at index
+/// `k % room`.
 struct Past {
     /// `most`: number of past frames that later frames depend on. `known`: how many of these are stored.
     most: usize,
@@ -123,7 +123,7 @@ impl World {
                 device,
             })
         };
-        // If the task's kernels do not compile, or memory runs out, the task runs on the CPU and the reason is printed.
+        // If the task's kernels do not compile, or memory runs out, print the reason and run the task on the CPU.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept)?;
         Ok(Some(world))
@@ -168,7 +168,7 @@ impl World {
         past.known = (past.known + steps * self.step).min(past.most);
     }
 
-    /// The stored frames for the backward pass, then the addresses of the goals before each frame and of the states
+    /// Storage that the backward pass reads: stored frames, then addresses of goals before each frame and of states
     /// after each step.
     pub fn trail(&self) -> (Trail, [u64; 2]) {
         let Past { room, states, torques, goals, .. } = &self.past;
@@ -228,7 +228,7 @@ fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
 }
 
 impl Past {
-    /// Addresses in the ring for state, torques and goal of the frame `later` frames ahead; 0 if no frames are stored.
+    /// Addresses in the ring for state, torques and goal of the frame `later` frames ahead; 0 without a ring.
     fn place(&self, later: usize) -> [u64; 3] {
         let Some(place) = (self.count + later).checked_rem(self.room) else { return [0; 3] };
         let [states, torques, goals] = self.sizes.map(|size| place * size);

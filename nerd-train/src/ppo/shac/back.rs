@@ -216,7 +216,7 @@ fn numbers(x: &[f32]) -> Vec<f64> {
     x.iter().map(|x| f64::from(*x)).collect()
 }
 
-/// Weight of each step's reward, `[step][env]`: powers of gamma, from 1 at the start of the rollout or episode.
+/// Weight of each step's reward in J, `[step][env]`: powers of gamma, from 1 at the start of the rollout or episode.
 fn shares(ends: &[u8], n: usize, gamma: f64) -> Vec<f64> {
     let mut out = vec![1.0; ends.len()];
     for i in n..out.len() {

@@ -1,5 +1,5 @@
-//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy ascends the gradient of its return, found
-//! by backpropagation through its rollouts.
+//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy ascends the gradient of its return.
+//! Backpropagation through rollouts finds this gradient.
 //!
 //! ```text
 //! J = 1 / (N h) sum_env [ sum_t c_t R_t + c_h V'(s_h) ]
@@ -88,7 +88,8 @@ impl Shac {
         Ok(Self { gradient, earned: 0.0, critic, adam, target_critic, steps, by_actions, returns })
     }
 
-    /// Sets the learning rates of an iteration and takes the policy's Adam step; returns the gradient norm.
+    /// Sets the learning rates of an iteration and takes the policy's Adam step. Returns the gradient norm before
+    /// clipping.
     pub(super) fn policy_step(
         &mut self,
         policy: &mut Policy,

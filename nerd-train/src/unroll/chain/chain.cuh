@@ -1,5 +1,5 @@
-// Rollouts of chains and the gradient of their loss in f64, as in mod.rs, view.rs and loss.rs: a block per rollout, a
-// thread per rod. Beside the constants of nerd_model's chain.cuh, the host defines SHARE, BY_RATE, BY_SPEED and
+// Rollouts of chains and the gradient of their loss in f64, as in mod.rs, view.rs and loss.rs. A rollout has a block, a
+// rod has a thread. Beside the constants of nerd_model's chain.cuh, the host defines SHARE, BY_RATE, BY_SPEED and
 // BY_LED[12], the units of errors, and ASTRAY.
 
 #ifdef __CUDACC_RTC__
@@ -29,7 +29,7 @@ FN V3 unseen(const View& v, V3 a) {
 FN V3 turned(const View& v, V3 a) { return v3(a.x * v.mirror, a.y, a.z * v.mirror); }
 FN V3 home() { return read3(HOME); }
 
-// The true chain k frames after the rollout's first, in its view.
+// The true chain k frames after the rollout's first frame, transformed by the rollout's view.
 FN void truth(const Rollout& r, const Motions& m, int k, double* chain) {
     const double* row = m.truths + ((long long)r.motion * (m.frames + 1) + (long long)r.frame + k) * CHAIN;
     EACH(i, 2 * RODS) write3(chain + GRIPPER + 3 * i, seen(r.view, read3(row + GRIPPER + 3 * i)));
@@ -54,7 +54,7 @@ FN void led(const Rollout& r, const Motions& m, int k, const double* chain, doub
     SYNC;
 }
 
-// Ends of rods and their velocities, `[2][RODS][3]`.
+// Positions of rod ends (m), then their velocities (m/s), `[2][RODS][3]`.
 FN void nodes(const double* chain, double* ends) {
     EACH(c, 6) {
         const int of = c / 3, i = c % 3;
@@ -244,8 +244,8 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
-// Adds the upstream gradient of `later` later frames to the frame's gradient, clipped to `later` times the norm of the
-// frame's gradient.
+// Adds the upstream gradient of `later` later frames to the frame's gradient. The upstream gradient is clipped to
+// `later` times the norm of the frame's gradient.
 FN void join(const double* behind, int later, double* gradient) {
     OF_BLOCK double squares[2];
     EACH(c, 2) {
