@@ -6,7 +6,7 @@ use nerd_model::program::cpu::Pass as Tokens;
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;
 
-/// Trains on the CPU.
+/// Trains a network on the CPU, shard by shard.
 pub type CpuLearner = Sharded<Fused>;
 
 /// Keeps idle networks with their memory for the next update.

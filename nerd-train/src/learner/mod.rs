@@ -29,7 +29,7 @@ pub struct LearnerConfig {
     pub clip: f32,
     /// Decay of the moving average of the weights per update (paper: none).
     pub average: f64,
-    /// Seed of the window draws.
+    /// Seed of the random draws of training windows.
     pub seed: u64,
     /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear.
     /// `None`: quadratic loss (paper).
@@ -103,7 +103,7 @@ pub enum LearnError {
     /// The loss stopped being finite.
     #[error("loss is {loss} at update {step}: lower the learning rate or look at the data")]
     NotFinite {
-        /// Number of the update, from 0.
+        /// Number of the update, counted from 0.
         step: u64,
         /// Loss of that update.
         loss: f32,

@@ -2,9 +2,9 @@
 //!
 //! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`.
 //! So an update has about the root mean square of an Adam update, and one learning rate serves both (Liu and others
-//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm, then iterates `X <- (a 1 + b A + c A^2) X`, `A = X X^T`
-//! five times. This drives all singular values to about 1. All other parameters use Adam. The matrices of query, key
-//! and value are orthogonalised one by one.
+//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm, then iterates `X <- (a 1 + b A + c A^2) X` five times,
+//! with `A = X X^T`. This drives all singular values to about 1. All other parameters use Adam. The matrices of query,
+//! key and value are orthogonalised one by one.
 
 use std::ops::Range;
 
@@ -12,11 +12,11 @@ use nalgebra::DMatrix;
 
 use crate::prelude::*;
 
-/// Decay of the momentum.
+/// Decay of the momentum per update.
 pub const MOMENTUM: f32 = 0.95;
-/// Newton-Schulz iterations.
+/// Number of Newton-Schulz iterations per update.
 pub const ITERATIONS: usize = 5;
-/// Coefficients a, b, c of an iteration.
+/// Coefficients a, b, c of a Newton-Schulz iteration.
 pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 
 /// A hidden matrix in the flat vector, transposed where needed to have at least as many columns as rows.
@@ -24,7 +24,7 @@ pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 pub struct Hidden {
     /// Offset of the first entry.
     pub offset: usize,
-    /// Row stride in memory.
+    /// Entries from one row to the next in memory.
     pub stride: usize,
     /// Rows.
     pub rows: usize,

@@ -10,7 +10,7 @@ pub struct RolloutInput<'a> {
     pub episodes: &'a mut Episodes,
     /// State of the running episodes.
     pub running: &'a mut Running,
-    /// Acting policy.
+    /// Policy that samples the actions.
     pub policy: &'a Policy,
     /// Settings, among them horizon and discount.
     pub config: &'a PpoConfig,
@@ -20,7 +20,7 @@ pub struct RolloutInput<'a> {
     pub stop: Stop,
 }
 
-/// Alternates rollouts and updates.
+/// Performs both halves of an iteration: the rollout and the update of the policy.
 pub trait Engine: Send {
     /// May start to draw the step permutations for the update after the next rollout. [`Engine::update`] later gets the
     /// same key `orders`.

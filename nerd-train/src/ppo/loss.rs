@@ -1,8 +1,8 @@
 //! PPO loss of one step and its gradient with respect to the network's outputs (Schulman et al. 2017). Its terms are
 //! those of rl_games.
 //!
-//! With p the ratio of new to old action probability, A the advantage and eps the clip range. The normalised value and
-//! return are v and R; the mean action and its log standard deviation are mu and s.
+//! Let p be the ratio of new to old action probability, A the advantage and eps the clip range. The normalised value
+//! and return are v and R; the mean action and its log standard deviation are mu and s.
 //!
 //! ```text
 //! L = max(-A p, -A clamp(p, 1 - eps, 1 + eps))

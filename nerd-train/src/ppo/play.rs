@@ -2,17 +2,17 @@
 
 use super::*;
 
-/// One episode.
+/// Result of one episode.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Game {
     /// Sum of rewards.
     pub reward: f64,
-    /// Length (steps).
+    /// Length of the episode (steps).
     pub length: f64,
     /// Mean of [`nerd_tasks::Task::error`] over the last half of the episode, if the task defines success. An error of
     /// at most 1 is a success.
     pub error: Option<f64>,
-    /// Sums of [`nerd_tasks::Task::terms`].
+    /// Sum over the episode of each of [`nerd_tasks::Task::terms`].
     pub terms: Vec<f64>,
 }
 

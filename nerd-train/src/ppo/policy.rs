@@ -15,11 +15,11 @@ pub(super) const ROWS: usize = 512;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Numbers in an observation.
+    /// Length of an observation (numbers).
     pub observation: usize,
-    /// Stacked observations in the network's input.
+    /// Number of stacked observations in the network's input.
     pub stack: usize,
-    /// Numbers in an action.
+    /// Length of an action (numbers).
     pub action: usize,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
@@ -66,7 +66,7 @@ impl Shape {
         if self.state_dependent_std { 0 } else { self.action }
     }
 
-    /// Widths from input to output.
+    /// Widths of all layers, from input to output.
     pub fn widths(&self) -> Vec<usize> {
         [&[self.inputs()], self.hidden.as_slice(), &[self.outputs()]].concat()
     }
@@ -80,13 +80,13 @@ impl Shape {
 /// A policy with its value function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Policy {
-    /// Shape.
+    /// Shape of the network.
     pub shape: Shape,
     /// Parameters, in the order of [`Shape::program`].
     pub flat: Vec<f32>,
-    /// Moments of stacked observations.
+    /// Running moments of stacked observations, which normalise the network's inputs.
     pub seen: RunningMoments,
-    /// Moments of returns.
+    /// Running moments of returns, which convert values to units of reward.
     pub returns: RunningMoments,
 }
 
@@ -164,7 +164,7 @@ impl Policy {
         hex(Sha256::digest(&bytes))
     }
 
-    /// Values in units of reward.
+    /// Values `[n]` of `answer`, converted to units of reward.
     pub fn values(&self, answer: &PolicyOutput) -> Vec<f64> {
         answer.value.iter().map(|v| self.returns.restore(0, f64::from(*v))).collect()
     }
@@ -177,7 +177,7 @@ impl Policy {
 
 /// A policy for repeated calls, with its network loaded once.
 pub struct Actor {
-    /// The policy.
+    /// The policy whose weights are loaded.
     pub policy: Policy,
     network: Loaded,
 }

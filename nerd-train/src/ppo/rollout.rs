@@ -37,18 +37,18 @@ impl Rollout {
 pub struct Ended {
     /// Step of the rollout that ended the episode, from 0.
     pub step: usize,
-    /// Environment.
+    /// Index of the environment.
     pub env: usize,
     /// Return: sum of rewards.
     pub total: f64,
-    /// Length (steps).
+    /// Length of the episode (steps).
     pub length: f64,
 }
 
 /// Result of a rollout.
 #[derive(Clone, Debug, Default)]
 pub struct RolloutStats {
-    /// Episodes that ended, in order.
+    /// Episodes that ended, in order of step and environment.
     pub ended: Vec<Ended>,
     /// Number of episodes that a solver failure ended, or that broke off at a frame without finite gradients.
     pub failed: usize,
@@ -68,7 +68,7 @@ pub struct Running {
 }
 
 impl Running {
-    /// Episodes at their start.
+    /// State of all episodes at their start, with `stack` stacked observations.
     pub fn new(episodes: &Episodes, stack: usize) -> Self {
         let n = episodes.len();
         let stack = Stack::new(stack, episodes.task.observation_dim(), episodes.observations());

@@ -18,11 +18,11 @@ const SAVE: Duration = Duration::from_secs(60);
 /// Training of a policy in a folder.
 #[derive(Clone)]
 pub struct PolicyRun {
-    /// Task.
+    /// Task, by its name or the path of its file.
     pub task: String,
     /// Solver that the policy trains in.
     pub arena: Arena,
-    /// Settings.
+    /// Training settings.
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
@@ -35,7 +35,7 @@ pub struct PolicyRun {
 /// A run's results so far.
 #[derive(Clone, Debug)]
 pub struct Learned {
-    /// Task and solver.
+    /// Names of task and solver.
     pub title: String,
     /// Folder of the policy.
     pub policy: PathBuf,
@@ -45,9 +45,9 @@ pub struct Learned {
     pub iterations: u64,
     /// Episodes ended by a solver failure in this call.
     pub failed: usize,
-    /// Reason of the first failure, if known.
+    /// Reason of the first solver failure, if known.
     pub fault: Option<String>,
-    /// Time of this call.
+    /// Wall time of this call.
     pub elapsed: Duration,
     /// Environment steps per second; `None` if no iteration was left to do.
     pub rate: Option<f64>,
@@ -56,7 +56,7 @@ pub struct Learned {
 }
 
 impl PolicyRun {
-    /// Trains, or continues training.
+    /// Trains the policy, or continues the run that the folder holds.
     pub fn train(&self) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;

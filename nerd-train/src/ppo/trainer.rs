@@ -43,7 +43,7 @@ pub struct State {
     pub policy: Policy,
     /// Optimiser of the policy.
     pub adam: Adam,
-    /// Episodes under way.
+    /// Stacked observations, rewards and lengths of the running episodes.
     pub running: Running,
     /// Return and length of the last ended episodes, from several iterations if needed.
     pub recent: VecDeque<(f64, f64)>,
@@ -56,11 +56,11 @@ pub struct State {
 pub struct Trainer {
     /// Episodes to learn from.
     pub episodes: Episodes,
-    /// Settings.
+    /// Training settings.
     pub config: PpoConfig,
-    /// Seed.
+    /// Seed of weights, noise and permutations.
     pub seed: u64,
-    /// State.
+    /// State of the run after the last iteration.
     pub state: State,
     /// Engine of rollouts and updates.
     pub engine: Box<dyn Engine>,
@@ -70,7 +70,7 @@ pub struct Trainer {
 }
 
 impl Trainer {
-    /// A run from random weights.
+    /// A training run from random weights.
     pub fn new(mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check())?;
         let (found, wanted) = (episodes.len(), config.environments);
@@ -102,7 +102,7 @@ impl Trainer {
         Ok(Self { episodes, config, seed, state, engine, stop: Stop::default() })
     }
 
-    /// One rollout and its update.
+    /// Runs one iteration: a rollout and its update.
     pub fn iterate(&mut self) -> Result<Iteration> {
         let Self { episodes, config, state, engine, stop, .. } = self;
         let started = Instant::now();

@@ -21,11 +21,11 @@ const FACTOR: f64 = 1.5;
 /// Adam's state (beta 0.9, 0.999, epsilon 1e-8).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    /// First moment.
+    /// First moments of the gradient's entries.
     pub m: Vec<f32>,
-    /// Second moment.
+    /// Second moments of the gradient's entries.
     pub v: Vec<f32>,
-    /// Updates so far.
+    /// Number of updates so far.
     pub step: u64,
     /// Learning rate of the next update.
     pub learning_rate: f64,

@@ -16,7 +16,7 @@ pub struct Course<B> {
     pub train: Arc<Motions>,
     /// Motions for validation on single frames.
     pub validation: Arc<Motions>,
-    /// Frames of a rollout, H.
+    /// Number H of frames in a rollout.
     pub frames: usize,
 }
 

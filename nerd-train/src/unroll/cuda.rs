@@ -38,13 +38,13 @@ pub struct CudaUnrollLearner {
     threads: usize,
     config: LearnerConfig,
     course: Course<Cable>,
-    /// Places at the end of the last update; a resumed run restarts all rollouts.
+    /// Place of each rollout at the end of the last update. A resumed run restarts all rollouts.
     ended: Vec<Option<Place<View>>>,
     step: u64,
     network: Network,
     motions: Recorded,
     rollouts: Buffer<f64>,
-    /// States `[frame][rollout]`.
+    /// States of all rollouts `[H + 1][rollout]`, from before the first frame to after the last.
     states: Buffer<f64>,
     /// `upstream`: gradients with respect to states. `kept`: contact normals and gaps for a frame's backward pass.
     upstream: Buffer<f64>,
@@ -58,7 +58,7 @@ pub struct CudaUnrollLearner {
 }
 
 impl CudaUnrollLearner {
-    /// Continues from `state`.
+    /// Continues training from `state`.
     ///
     /// # Errors
     /// If motions are shorter than a rollout, scenes or network have no kernels, or the device fails.
@@ -157,7 +157,7 @@ impl CudaUnrollLearner {
 struct Recorded {
     frames: usize,
     states: Buffer<f64>,
-    /// Torques on the gripper's axes.
+    /// Torques on the gripper's axes (N, N m).
     torques: Buffer<f64>,
     scenes: Buffer<f64>,
 }

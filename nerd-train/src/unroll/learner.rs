@@ -12,13 +12,14 @@ pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
     course: Course<B>,
     network: Loaded,
-    /// Rollouts to continue from the last update, `None` if far from the truth. A resumed run restarts all rollouts.
+    /// Rollouts that the next update may continue; `None` for one that must restart. A resumed run restarts all
+    /// rollouts.
     rollouts: Vec<Option<Rollout<B>>>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }
 
 impl<B: Body> UnrollLearner<B> {
-    /// Continues from `state`.
+    /// Continues training from `state`.
     ///
     /// # Errors
     /// If motions are shorter than a rollout.

@@ -11,9 +11,9 @@ pub struct Rollout<B: Body> {
     pub state: B::State,
 }
 
-/// Inputs of a pass.
+/// Inputs of a forward and backward pass over rollouts.
 pub struct Unroll<'a, B> {
-    /// Motions and system.
+    /// Motions, system and length of rollouts.
     pub course: &'a Course<B>,
     /// Network with the weights of the update.
     pub network: &'a Loaded,

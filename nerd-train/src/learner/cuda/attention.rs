@@ -62,7 +62,7 @@ impl Attention {
         (0..places).flat_map(rotation).map(|(sin, cos)| [cos as f32, sin as f32]).collect()
     }
 
-    /// Floats of an environment's keys and values.
+    /// Number of floats in one environment's stored keys and values of one attention.
     pub fn ring(&self) -> usize {
         self.seen * 2 * self.width
     }
@@ -86,7 +86,7 @@ impl Attention {
         d.launch("attention_backward", grid, threads, self.shared().1, &args![qkv, gradient, out, rotations])
     }
 
-    /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
+    /// Attention outputs for one new token of each of `rows` environments, from ring buffers of keys and values.
     pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> DeviceResult {
         let args = args![qkv, ring, taken, out, rotations, rows];
         d.launch_blocks("attention_stream", (rows * self.heads).div_ceil(8), 256, &args)

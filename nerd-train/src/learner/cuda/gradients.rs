@@ -15,7 +15,7 @@ pub(super) struct FramesBack {
     weights: Buffer<f32>,
     by_tokens: Buffer<f32>,
     frames: usize,
-    /// Numbers in a state.
+    /// Length of a state (numbers).
     state: usize,
 }
 

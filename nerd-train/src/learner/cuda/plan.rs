@@ -12,7 +12,7 @@ pub(super) enum Part {
     Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
     /// `x += bias + P[k]` for the token at position k, in place. If fused, the next part adds both as it reads x.
     Shift { slot: Slot, bias: Option<Weight>, positions: Option<Weight>, fused: bool },
-    /// Any other step.
+    /// Any other step of the program.
     Step(Step),
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Plan {
     /// For each row of a folded matrix: offsets of the row of W, of its scale and of the row of W', and the number of
     /// columns.
     pub folds: Vec<[i32; 4]>,
-    /// Floats of all folded matrices.
+    /// Number of floats in all folded matrices.
     pub folded: usize,
     /// Columns of a token on the GPU, padded to a multiple of four for cuBLAS.
     pub padded: usize,
@@ -36,7 +36,7 @@ pub(crate) struct Plan {
 }
 
 pub(super) struct Layout {
-    /// Buffer of each slot.
+    /// Index of each slot's buffer.
     pub buffer_of: Vec<usize>,
     /// Floats in a row of each buffer.
     pub widths: Vec<usize>,

@@ -25,9 +25,9 @@ pub(super) struct Kept {
     pub inputs: Buffer<f32>,
     pub which: Buffer<u32>,
     pub slots: usize,
-    /// Truncated episodes of each environment so far.
+    /// Number of truncated episodes of each environment so far in the rollout.
     pub cuts: Buffer<u32>,
-    /// Clamped actions.
+    /// Actions of the present step, clamped to [-1, 1], `[env][action]`.
     pub actions: Buffer<f32>,
     /// Number of the noise stream of the first step; kernels add the number of the step.
     pub noise: Buffer<u64>,

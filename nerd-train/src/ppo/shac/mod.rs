@@ -40,7 +40,7 @@ const LEAST: f64 = 1e-2;
 pub struct Shac {
     /// Gradient of `-J` of the last rollout with respect to the policy's parameters.
     pub gradient: Vec<f32>,
-    /// J of the last rollout.
+    /// The objective J of the last rollout.
     pub earned: f64,
     pub(super) critic: Policy,
     pub(super) adam: Adam,

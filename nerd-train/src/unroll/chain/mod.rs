@@ -16,7 +16,7 @@ pub use view::View;
 use super::*;
 use judge::{apart, missed};
 
-/// Numbers of a rollout's row, see `Cable::row`.
+/// Length of a rollout's row, see `Cable::row`.
 pub const ROLLOUT: usize = 7;
 /// Mean distance (m) of nodes from the truth beyond which a rollout restarts.
 const ASTRAY: f64 = 0.03;
@@ -119,7 +119,7 @@ impl Body for Cable {
     }
 }
 
-/// Device side, in f64.
+/// Data and source of the kernels, which compute in f64.
 impl Cable {
     /// Length of a chain's state on the device (numbers).
     pub fn width(&self) -> usize {

@@ -30,7 +30,7 @@ extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char
     without[env] = 0;
 }
 
-// Moves the target critic towards the critic.
+// Moves the target critic's weights towards those of the critic, w; keeps the share `kept` of the old ones.
 extern "C" __global__ void shac_follow(float* target_critic, const float* w, float kept, u64 n) {
     const u64 i = INDEX;
     if (i < n) target_critic[i] = kept * target_critic[i] + (1.0f - kept) * w[i];
