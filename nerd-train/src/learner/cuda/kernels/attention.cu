@@ -121,8 +121,8 @@ extern "C" __global__ void attention_forward(const float* qkv, float* out, const
     }
 }
 
-// dqkv from qkv and the gradient of the attention's output; the probabilities p are computed again. ds_ij = p_ij (g_i .
-// v_j - sum_j p_ij g_i . v_j) / sqrt(D); dq_i = ds_ij k_j; dk_j = ds_ij q_i; dv_j = p_ij g_i.
+// Gradient dqkv from qkv and the gradient g of the attention's output; computes the probabilities p again.
+// ds_ij = p_ij (g_i . v_j - sum_j p_ij g_i . v_j) / sqrt(D); dq_i = ds_ij k_j; dk_j = ds_ij q_i; dv_j = p_ij g_i.
 extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv,
                                               const float2* turns) {
     extern __shared__ float4 shared[];
