@@ -7,7 +7,7 @@ use nerd_model::program::BurnNetwork;
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;
 
-/// Trains on a device of burn. A GPU wants the whole batch in one shard ([`Sharded::shards`]).
+/// Trains on a device of burn. On a GPU, set one shard for the whole batch ([`Sharded::shards`]).
 pub type BurnLearner = Sharded<Burn>;
 
 pub struct Burn {

@@ -1,12 +1,12 @@
-//! Gradients of shards on the CPU, over the network's program ([`nerd_model::program::cpu`]). Equal to
-//! [`super::BurnLearner`] up to rounding (test), at a fraction of the time.
+//! Gradients of shards on the CPU, over the network's program ([`nerd_model::program::cpu`]). A test compares them with
+//! those of [`super::BurnLearner`]: equal up to rounding, in a fraction of the time.
 
 use nerd_model::program::cpu::Pass as Tokens;
 
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;
 
-/// Trains on the CPU.
+/// Trains a network on the CPU, shard by shard.
 pub type CpuLearner = Sharded<Fused>;
 
 /// Keeps idle networks with their memory for the next update.
@@ -16,7 +16,7 @@ pub struct Fused {
 }
 
 impl Sharded<Fused> {
-    /// Resumes `state` on training and validation windows, in shards of 32 on all cores.
+    /// Resumes `state` on training and validation windows, in shards of 32 windows on all cores.
     ///
     /// # Errors
     /// If shapes of windows and network differ, a set is empty, or the state's vectors differ in length.

@@ -1,9 +1,9 @@
-//! Optimiser updates, on any engine.
+//! Optimiser updates of a network, on the CPU, a GPU or a device of burn.
 //!
 //! Loss: squared error in normalised target units, or its pseudo-Huber form `2 d^2 (sqrt(1 + (e / d)^2) - 1)`, averaged
-//! over windows, tokens and outputs. Reported losses are the squared error. Update: gradient clipped to a global norm,
-//! then Adam (beta 0.9, 0.999, epsilon 1e-8, no decay) and a moving average of the weights `a += blend (w - a)` (see
-//! [`optimiser::blend`]).
+//! over windows, tokens and outputs. Reported losses are always the mean squared error. An update clips the gradient to
+//! a global norm, then takes a step of Adam (beta 0.9, 0.999, epsilon 1e-8, no weight decay). A moving average of the
+//! weights follows, `a += blend (w - a)` (see [`optimiser::blend`]).
 
 #[cfg(feature = "burn")]
 mod burn;
@@ -29,10 +29,10 @@ pub struct LearnerConfig {
     pub clip: f32,
     /// Decay of the moving average of the weights per update (paper: none).
     pub average: f64,
-    /// Seed of the window draws.
+    /// Seed of the random draws of training windows.
     pub seed: u64,
-    /// Error, in standard deviations of a target, where the pseudo-Huber loss turns from quadratic to linear; without
-    /// it the loss is quadratic (paper).
+    /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear.
+    /// `None`: quadratic loss (paper).
     pub huber: Option<f32>,
     /// Optimiser of the hidden matrices (paper: Adam).
     pub optimizer: Optimizer,
@@ -87,10 +87,10 @@ impl LearnerState {
     }
 }
 
-/// Means since the last report.
+/// Means over the updates since the last report.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
-    /// Training loss, normalised MSE.
+    /// Training loss: mean squared error in normalised target units.
     pub loss: f32,
     /// Global gradient norm before clipping.
     pub gradient_norm: f32,
@@ -103,9 +103,9 @@ pub enum LearnError {
     /// The loss stopped being finite.
     #[error("loss is {loss} at update {step}: lower the learning rate or look at the data")]
     NotFinite {
-        /// Number of the update, from 0.
+        /// Number of the update, counted from 0.
         step: u64,
-        /// Its loss.
+        /// Loss of that update.
         loss: f32,
     },
     /// The device or its libraries failed.
@@ -118,7 +118,7 @@ pub enum LearnError {
 
 part!(LearnError);
 
-/// What a learner did, or why it did not.
+/// Result of a learner's work.
 pub type LearnResult<T = ()> = Result<T, LearnError>;
 
 impl From<String> for LearnError {
@@ -133,11 +133,11 @@ macro_rules! mismatch {
 }
 pub(crate) use mismatch;
 
-/// Makes updates on the windows that it was given.
+/// Makes optimiser updates of a network on the training data that it holds.
 pub trait Learner {
     /// Makes one update with learning rate `lr`. May return before the device is done.
     fn update(&mut self, lr: f32) -> LearnResult;
-    /// Replaces trajectories from number `first` on by normalised trajectories of the same shape.
+    /// Replaces training trajectories, from index `first` on, by the normalised trajectories `fresh` of the same shape.
     fn replace(&mut self, _first: usize, _fresh: &Windows) -> LearnResult {
         Err(LearnError::Mismatch("it learns from motions, no windows can take their places".into()))
     }
@@ -149,8 +149,8 @@ pub trait Learner {
     fn state(&mut self) -> LearnResult<LearnerState>;
 }
 
-/// Windows of a validation, the same on every device: `wanted` of a set of `windows`, evenly spaced. The order of
-/// trajectories carries no meaning.
+/// Indices of validation windows, the same on every device: `wanted` of `windows`, evenly spaced. Even spacing is fair,
+/// since the order of trajectories carries no meaning.
 pub fn validation_rows(windows: usize, wanted: usize) -> Vec<u64> {
     let count = wanted.clamp(1, windows.max(1)) as u64;
     (0..count).map(|k| (u128::from(k) * windows as u128 / u128::from(count)) as u64).collect()

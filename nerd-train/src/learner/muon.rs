@@ -1,10 +1,10 @@
 //! Muon for the hidden matrices (K. Jordan and others, 2024): the update is orthogonalised momentum.
 //!
 //! `m = 0.95 m + 0.05 g`, `u = 0.95 m + 0.05 g` (Nesterov), `O = NS(u)` and `W -= lr 0.2 sqrt(max(rows, columns)) O`.
-//! So an update has the usual root mean square of Adam's, and one learning rate serves both (Liu and others 2025, arXiv
-//! 2502.16982). `NS` divides by the Frobenius norm and iterates five times `X <- (a 1 + b A + c A^2) X`, `A = X X^T`,
-//! which drives all singular values to about 1. All other parameters use Adam. Query, key and value count as three
-//! matrices.
+//! So an update has about the root mean square of an Adam update, and one learning rate serves both (Liu and others
+//! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm, then iterates `X <- (a 1 + b A + c A^2) X` five times,
+//! with `A = X X^T`. This drives all singular values to about 1. All other parameters use Adam. The matrices of query,
+//! key and value are orthogonalised one by one.
 
 use std::ops::Range;
 
@@ -12,11 +12,11 @@ use nalgebra::DMatrix;
 
 use crate::prelude::*;
 
-/// Decay of the momentum.
+/// Decay of the momentum per update.
 pub const MOMENTUM: f32 = 0.95;
-/// Newton-Schulz iterations.
+/// Number of Newton-Schulz iterations per update.
 pub const ITERATIONS: usize = 5;
-/// Coefficients a, b, c of an iteration.
+/// Coefficients a, b, c of a Newton-Schulz iteration.
 pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 
 /// A hidden matrix in the flat vector, transposed where needed to have at least as many columns as rows.
@@ -24,7 +24,7 @@ pub const COEFFICIENTS: [f32; 3] = [3.4445, -4.7750, 2.0315];
 pub struct Hidden {
     /// Offset of the first entry.
     pub offset: usize,
-    /// Row stride in memory.
+    /// Entries from one row to the next in memory.
     pub stride: usize,
     /// Rows.
     pub rows: usize,
@@ -40,7 +40,7 @@ impl Hidden {
         if self.transposed { self.offset + c * self.stride + r } else { self.offset + r * self.stride + c }
     }
 
-    /// Factor from the learning rate to the step along the orthogonal update.
+    /// Step along the orthogonal update, as a multiple of the learning rate.
     pub fn gain(&self) -> f32 {
         0.2 * (self.columns as f32).sqrt()
     }
@@ -66,7 +66,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
         match (place, rest.as_str()) {
             ("blocks", "attn.qkv.weight" | "attn.proj.weight") => square.extend(parts),
             ("blocks", "mlp.up.weight") => wide.push(whole),
-            // Gate and value.
+            // This tensor holds the matrices of gate and value side by side.
             ("blocks", "mlp.gated.weight") => {
                 let half = columns / 2;
                 wide.extend([0, half].map(|first| Hidden { offset: offset + first, columns: half, ..whole }));
@@ -83,7 +83,7 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
 pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     let mut hidden: Vec<Hidden> = hidden(config).concat();
     hidden.sort_by_key(|h| h.offset);
-    // A matrix ends at its last entry. Query, key and value overlap in `qkv`.
+    // A matrix ends at its last entry. The ranges of query, key and value overlap in `qkv`, so keep the largest end.
     let (mut runs, mut end) = (Vec::new(), 0);
     for h in hidden {
         if h.offset > end {
@@ -95,8 +95,8 @@ pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     runs
 }
 
-/// The Muon part of an update: hidden matrices, momentum and average. `scale` clips the gradient; the caller counts the
-/// update.
+/// Updates the hidden matrices, their momentum and their average by Muon. `scale` is the clip factor of the gradient;
+/// the caller increments `state.step`.
 pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), lr: f32, blend: f32) {
     let all: Vec<Hidden> = hidden(&state.weights.config).concat();
     let m = &state.m;
@@ -124,7 +124,8 @@ pub(super) fn step(state: &mut LearnerState, (gradient, scale): (&[f32], f32), l
     }
 }
 
-/// An approximation of the nearest matrix with orthonormal rows. Singular values end between about 0.7 and 1.2.
+/// An approximation of the nearest matrix with orthonormal rows. Singular values of the result lie between about 0.7
+/// and 1.2.
 pub fn orthogonal(mut x: DMatrix<f32>) -> DMatrix<f32> {
     let [a, b, c] = COEFFICIENTS;
     x /= x.norm() + 1e-7;

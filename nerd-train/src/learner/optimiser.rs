@@ -10,21 +10,22 @@ use crate::prelude::*;
 /// Adam's betas in training.
 pub const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];
 const EPSILON: f32 = 1e-8;
-/// Entries of one task. Four vectors of this length fit in a level-2 cache.
+/// Entries of a vector in one parallel task. Four vectors of this length fit in a level-2 cache.
 const CHUNK: usize = 1 << 14;
 
 /// Global norm `|g|`, summed in f64.
 pub fn norm(gradient: &[f32]) -> f32 {
-    // Partial sums over fixed chunks, added in order: the same bits on any number of threads.
+    // Partial sums over fixed chunks are added in order, so the bits do not depend on the number of threads.
     let parts: Vec<f64> =
         gradient.par_chunks(CHUNK).map(|c| c.iter().map(|&g| f64::from(g) * f64::from(g)).sum()).collect();
     parts.iter().sum::<f64>().sqrt() as f32
 }
 
-/// Weight of the new weights in the moving average after update `step`, counted from 0. The average's decay d is
-/// `(1 + s) / (10 + s)` while that is below `average`. From then on every sixteenth update counts for sixteen. In f32
-/// an average stops once `blend |w - a|` is below half a unit in the last place. With d = 0.9999 in every update, that
-/// is 6e-4 of a weight, too much for a well-trained network.
+/// Weight of the new weights in the moving average after update `step`, counted from 0. In update s the average's decay
+/// d is `(1 + s) / (10 + s)` while that is below `average`. From then on only every sixteenth update changes the
+/// average, by the decay of sixteen updates. The reason is rounding: in f32 an average a stops once `blend |w - a|` is
+/// below half a unit in the last place of a. With d = 0.9999 in every update, a would stop 6e-4 of the weight short of
+/// w, too far for a well-trained network.
 pub fn blend(average: f64, step: u64) -> f32 {
     let growing = (1.0 + step as f64) / (10.0 + step as f64);
     match (step + 1) % 16 {

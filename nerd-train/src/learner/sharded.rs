@@ -18,13 +18,13 @@ const SUM: usize = 1 << 14;
 /// Computes errors and gradients of a shard.
 pub trait Pass: Sync {
     type Worker;
-    /// A network with these weights, for gradients or for errors alone.
+    /// A network with these weights; without `gradients`, it computes errors alone.
     fn worker(&self, weights: &Weights, gradients: bool) -> Self::Worker;
     /// Takes the worker back when its thread ends.
     fn rest(&self, _: Self::Worker) {}
-    /// Sum of the squared errors.
+    /// Sum of the squared errors over a shard.
     fn squares(&self, worker: &mut Self::Worker, shard: Shard) -> LearnResult<f64>;
-    /// Sum of the squared errors, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
+    /// Sum of the squared errors over a shard, and gradient of the loss ([`LearnerConfig::huber`]), both times `scale`.
     fn gradient(
         &self,
         worker: &mut Self::Worker,
@@ -66,7 +66,7 @@ impl<P: Pass> Sharded<P> {
         Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads })
     }
 
-    /// Sets the shard size and the number of threads. A GPU wants the whole batch in one shard on one thread.
+    /// Sets the shard size and the number of threads. On a GPU, set one shard for the whole batch and one thread.
     pub fn shards(mut self, windows: usize, threads: usize) -> Self {
         (self.shard, self.threads) = (windows.max(1), threads.max(1));
         self

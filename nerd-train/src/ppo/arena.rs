@@ -11,16 +11,16 @@ use crate::spec::{NeuralSpec, SolverSpec};
 /// Makes a caller's solver for a system in a scene.
 pub type Make = dyn Fn(&Arc<System>, &Arc<Scene>) -> Result<Box<dyn Solver>> + Send + Sync;
 
-/// Solver of episodes.
+/// Solver that steps the episodes of a policy.
 #[derive(Clone)]
 pub enum Arena {
-    /// A solver by its text; it steps the task's robot.
+    /// A solver given by its text form; it steps the task's robot.
     Solver(SolverSpec),
-    /// The truth `paper`: the reference simulator's method on its own robot, `NAME-paper`.
+    /// The truth `paper`: the reference simulator's method, on the variant `NAME-paper` of the robot.
     Reference(SolverSpec),
-    /// A solver with robots of a family ([`vary`]): each environment keeps one drawn robot.
+    /// A solver with robots that differ: each environment keeps one robot drawn from a family ([`vary`]).
     Family(SolverSpec, Arc<System>),
-    /// A solver of the caller's own, by its name.
+    /// A solver that the caller makes, and its name.
     Guest(String, Arc<Make>),
 }
 
@@ -31,10 +31,11 @@ impl From<Truth> for Arena {
 }
 
 impl Arena {
-    /// The arena of a task. `neural` without a folder takes the task's shipped model, else the robot's.
+    /// The arena of a task. The solver `neural` without a folder takes the model shipped for the task, or else for its
+    /// robot.
     ///
     /// # Errors
-    /// If there is no such model, or this build has no such device.
+    /// If no model is shipped for the task or its robot, or this build lacks the device.
     pub fn of(spec: SolverSpec, task: &dyn Task) -> Result<Self> {
         spec.device().check()?;
         let SolverSpec::Neural(NeuralSpec { folder: None, device }) = spec else { return Ok(Self::Solver(spec)) };
@@ -45,10 +46,11 @@ impl Arena {
         Ok(Self::Solver(SolverSpec::neural(folder).on(device)))
     }
 
-    /// Robots of a family for a task.
+    /// The arena of a task with robots drawn from the family `name`.
     ///
     /// # Errors
-    /// If nothing of it is drawn, it is of another robot than the task, or the solver is none for robots that differ.
+    /// If the family draws no parameter or belongs to another robot than the task's. Also if the solver cannot step
+    /// robots that differ.
     pub fn family(task: &str, name: &str, solver: SolverSpec) -> Result<Self> {
         let device = solver.device();
         device.check()?;
@@ -72,7 +74,7 @@ impl Arena {
         }
     }
 
-    /// Short name, for folders.
+    /// Short name of the solver, for folder names.
     pub fn word(&self) -> String {
         match self {
             Self::Solver(SolverSpec::Neural(_)) => "neural".into(),
@@ -82,7 +84,7 @@ impl Arena {
         }
     }
 
-    /// Full name, with all settings.
+    /// Full name of the solver, with all its settings.
     pub fn title(&self) -> Result<String> {
         Ok(match self {
             Self::Solver(spec) | Self::Reference(spec) => match spec.folder() {
@@ -107,7 +109,7 @@ impl Arena {
         Ok(format!("{solver}, robot {} {}", system.name, &system.sha256()[..16]))
     }
 
-    /// Its solver's text, unless it is the caller's own.
+    /// Text form of the solver; `None` for a solver that the caller makes.
     pub fn spec(&self) -> Option<&SolverSpec> {
         match self {
             Self::Solver(spec) | Self::Reference(spec) | Self::Family(spec, _) => Some(spec),
@@ -115,7 +117,7 @@ impl Arena {
         }
     }
 
-    /// Whether a step is dear: where small settings pay.
+    /// Whether steps are slow, so that [`PpoConfig::small`] trains faster: a learned model on the CPU.
     pub fn expensive(&self) -> bool {
         matches!(self, Self::Solver(SolverSpec::Neural(own)) if own.device == Device::Cpu)
     }
@@ -130,7 +132,9 @@ impl Arena {
         self.begin(named(task)?, n, seed)
     }
 
-    /// PPO settings of a task: from `file`, else by the name `small` or `paper`, else by the cost of a step here.
+    /// PPO settings of a task: from `file`, or else by the name `small` or `paper` in `recipe`. Without both, slow
+    /// solvers ([`Self::expensive`]) get the small settings, and so do tasks from files on the CPU. All others get the
+    /// paper's settings.
     pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
         if let Some(path) = file {
             return PpoConfig::from_text(&read_text(path)?).map_err(Error::file(path));
@@ -145,7 +149,7 @@ impl Arena {
         }
     }
 
-    /// A run of a task, built-in or not, from random weights. The policy runs on the GPU if the solver does.
+    /// A training run of a task, built-in or not, from random weights. The policy runs on the GPU if the solver does.
     pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64) -> Result<Trainer> {
         let episodes = self.begin(task, config.environments, seed)?;
         #[allow(unused_mut)]
@@ -180,11 +184,11 @@ impl Arena {
             refuse!("at least one environment is needed");
         }
         let batch = match self {
-            // The inverted seed keeps robot parameters and episodes on different streams.
+            // Draw robot parameters from the inverted seed, so that they share no random stream with the episodes.
             Self::Family(..) => vary::batch(&system, task.scene(), n, !seed)?,
             _ => Batch::new(&system, &system.scene(task.scene())?, n),
         };
-        // `memory`: past frames that the next step depends on.
+        // `memory` is the number of past frames that the next step depends on.
         let (solver, memory) = match self {
             Self::Solver(spec) | Self::Reference(spec) => {
                 let spec = spec.clone().found(&system)?;

@@ -1,7 +1,8 @@
-//! Checkpoints of a run: one safetensors file, replaced atomically. A run continues from it bit by bit; with a
-//! streaming network as simulator, to rounding (see `nerd_tasks::Episodes::remember`).
+//! Checkpoints of a run: one safetensors file, replaced atomically. A resumed run gives the same bits as an unbroken
+//! one. With a streaming network as simulator, both are equal up to rounding (see `nerd_tasks::Episodes::remember`).
 //!
-//! Noise, permutations and resets are drawn by number (iteration, step, episode), so no generator state is stored.
+//! Random streams of noise, permutations and resets are numbered by iteration, step or episode, so no generator state
+//! is stored.
 
 use super::folder::{get, put};
 use super::*;
@@ -43,7 +44,7 @@ impl Trainer {
         file.save(path)
     }
 
-    /// Identity of the run, as JSON.
+    /// Identity of the run as JSON: settings, seed and `run`.
     pub(super) fn whole(&self, run: &str) -> String {
         whole(&self.config, run, self.seed)
     }
@@ -51,7 +52,8 @@ impl Trainer {
     /// Continues the run of a checkpoint; `run` must equal the one given to [`Self::save`].
     ///
     /// # Errors
-    /// If the file is no checkpoint, or belongs to another run. Then only episodes and engine may have changed.
+    /// If the file is no checkpoint, or belongs to another run. After an error only the episodes and the engine may
+    /// have changed.
     pub fn resume(&mut self, path: &Path, run: &str) -> Result<()> {
         let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
@@ -65,7 +67,7 @@ impl Trainer {
                 "SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}"
             )));
         }
-        // Other runs may change their number of iterations.
+        // A PPO run may change its number of iterations on resuming.
         let config = PpoConfig { iterations: self.config.iterations, ..config };
         let (found, asked) = (whole(&config, file.word("run")?, counts[2]), self.whole(run));
         if found != asked {
@@ -109,7 +111,8 @@ fn whole(config: &PpoConfig, run: &str, seed: u64) -> String {
     serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string()
 }
 
-/// The cause if two identities differ by a hash alone: the task's (`task HASH of ..`) or the robot's (last word).
+/// The cause if two identities differ by one hash alone. It is the task's (`task HASH of ..`) or the robot's (last
+/// word).
 fn changed(was: &str, now: &str) -> Option<&'static str> {
     let (was, now) = (was.split(' ').collect_vec(), now.split(' ').collect_vec());
     let apart = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect_vec();

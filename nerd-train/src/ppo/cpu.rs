@@ -7,7 +7,7 @@ use super::*;
 /// PPO on the CPU.
 #[derive(Default)]
 pub struct OnCpu {
-    /// The present rollout.
+    /// The last rollout, complete or under way.
     pub rollout: Rollout,
     actor: Option<Actor>,
     /// Values of the final states of truncated episodes, in order.

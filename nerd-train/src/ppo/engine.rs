@@ -10,7 +10,7 @@ pub struct RolloutInput<'a> {
     pub episodes: &'a mut Episodes,
     /// State of the running episodes.
     pub running: &'a mut Running,
-    /// Acting policy.
+    /// Policy that samples the actions.
     pub policy: &'a Policy,
     /// Settings, among them horizon and discount.
     pub config: &'a PpoConfig,
@@ -20,16 +20,17 @@ pub struct RolloutInput<'a> {
     pub stop: Stop,
 }
 
-/// Alternates rollouts and updates.
+/// Performs both halves of an iteration: the rollout and the update of the policy.
 pub trait Engine: Send {
-    /// May start to prepare the update after the next rollout; `orders` is the key later given to [`Engine::update`].
+    /// May start to draw the step permutations for the update after the next rollout. [`Engine::update`] later gets the
+    /// same key `orders`.
     fn ahead(&mut self, _config: &PpoConfig, _orders: StreamKey) {}
 
-    /// Steps every environment through a horizon.
+    /// Steps every environment through one horizon ([`PpoConfig::horizon`] steps).
     fn roll(&mut self, on: RolloutInput) -> Result<RolloutStats>;
 
     /// Runs all passes over the last rollout, made by `policy`. Each pass of each iteration draws its permutation of
-    /// steps from a separate stream. `orders` holds the seed of these streams and the iteration.
+    /// steps from a separate stream. `orders` holds the seed of these streams and the number of the iteration.
     fn update(
         &mut self,
         policy: &mut Policy,
@@ -43,7 +44,7 @@ pub trait Engine: Send {
         Ok(episodes.snapshot())
     }
 
-    /// Continues from a snapshot.
+    /// Sets the episodes to a snapshot, to continue from there.
     fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
         episodes.restore(snapshot)
     }
@@ -59,7 +60,7 @@ pub trait Engine: Send {
     }
 }
 
-/// End of a step by environment: 0 (none), [`TERMINATED`] or [`TRUNCATED`].
+/// How a step ended the episode of each environment: 0 (not at all), [`TERMINATED`] or [`TRUNCATED`].
 pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
     let both = result.terminated.iter().zip(&result.truncated);
     both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) })
@@ -68,7 +69,7 @@ pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
 /// A rollout that alternates policy and episodes: [`StepwiseRollout::begin`], then [`StepwiseRollout::act`] and
 /// [`StepwiseRollout::arrive`] per step, then [`StepwiseRollout::finish`].
 pub trait StepwiseRollout {
-    /// [`Engine::roll`].
+    /// Performs [`Engine::roll`] by turns of policy and episodes.
     fn turns(
         &mut self,
         RolloutInput { episodes, running, policy, config, noise, stop }: RolloutInput,
@@ -102,8 +103,8 @@ pub trait StepwiseRollout {
     /// noise stream.
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()>;
 
-    /// Records a step: `truncated` marks environments, `reached` holds the stacked final observations of these, in
-    /// order.
+    /// Records a step. `truncated` marks the environments with a truncated episode. `reached` holds the stacked final
+    /// observations of these environments, in order.
     fn arrive(&mut self, reached: &[f64], truncated: &[bool]) -> Result<()>;
 
     /// Ends the rollout with the stacked observations `rows` after the last step, and computes advantages. `rewards`

@@ -54,7 +54,7 @@ fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let lines = read_record(&metrics)?;
     let read = |line: &str| {
         let mut line = serde_json::from_str(line).map_err(Error::file(&metrics))?;
-        // Lines of a run that an earlier version began.
+        // A run that an earlier version began has lines with old keys.
         renamed::json(Kind::Metrics, &mut line).map_err(Error::file(&metrics))?;
         serde_json::from_value(line).map_err(Error::file(&metrics))
     };

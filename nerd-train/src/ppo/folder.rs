@@ -1,9 +1,10 @@
-//! Policy folders: `config.json`, `policy.safetensors` and a card, `README.md`. The folder also keeps the text of a
-//! task from a file: later changes of the file do not affect the policy.
+//! Policy folders: `config.json`, `policy.safetensors` and a card, `README.md`. For a task from a file, the folder also
+//! keeps the task's text as `task.toml`. Later changes of the original file do not affect the policy.
 //!
-//! Weights are named `layerK.weight` `[in, out]` and `layerK.bias`. The last layer's outputs are mean action, value
-//! and, unless it is the parameter `log_std`, log standard deviation. `observation.mean` and `observation.variance`
-//! normalise inputs, `return.mean` and `return.variance` the value.
+//! Layer K has a matrix `layerK.weight` of shape `[in, out]` and a bias `layerK.bias`. The last layer outputs the mean
+//! action, the value and, if it depends on the state, the log standard deviation. Otherwise the log standard deviation
+//! is the parameter `log_std`. `observation.mean` and `observation.variance` normalise the network's inputs.
+//! `return.mean` and `return.variance` convert the network's normalised value to units of reward.
 
 use nerd_model::transformer::TensorSpec;
 use nerd_sim::files::renamed::{self, Kind};
@@ -11,7 +12,8 @@ use nerd_sim::files::renamed::{self, Kind};
 use super::*;
 use crate::files::{read_text, write};
 
-/// Provenance keys: [`System::sha256`] of the robot, SHA-256 of the task's text, and [`Policy::sha256`].
+/// Provenance keys of three hashes: the robot's ([`System::sha256`]), the task text's (SHA-256) and the weights'
+/// ([`Policy::sha256`]).
 pub(super) const ROBOT: &str = "robot";
 pub(super) const TEXT: &str = "task sha256";
 const WEIGHTS: &str = "weights sha256";
@@ -21,7 +23,7 @@ pub(super) const TASK: &str = "task.toml";
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyConfig {
-    /// Task.
+    /// Name of the task; for a task from a file, its path.
     pub task: String,
     /// Solver that the policy was trained in.
     pub solver: String,
@@ -33,7 +35,7 @@ pub struct PolicyConfig {
     pub iterations: u64,
     /// Mean return of the policy's training episodes, with action noise.
     pub reward: Option<f64>,
-    /// Commit, command, seed, machine, minutes.
+    /// Provenance by key: commit, command, seed, machine, training time (min) and hashes.
     #[serde(default)]
     pub provenance: BTreeMap<String, String>,
 }
@@ -49,19 +51,19 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
     write(&folder.join("README.md"), card)?;
     file.put_word("task", &config.task);
     file.save(&folder.join("policy.safetensors"))?;
-    // Last, so that a folder with this file is complete.
+    // Write `config.json` last: a folder that has it is complete.
     write(&path, json + "\n")
 }
 
-/// Reads a policy's folder and finds its task by name, or by the text kept in the folder. Refuses a robot or text that
-/// changed since training; for a task of the project it prints a line instead.
+/// Reads a policy's folder and finds its task by name, or by the text kept in the folder. Refuses a robot or a task
+/// text that changed since training. For a task that comes with the project, prints a note instead.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
     let (kept, learned) = (folder.join(TASK), config.task.clone());
     let (mut task, robot) = nerd_tasks::parts(&learned);
     let mut robot = robot.map(String::from);
     if kept.exists() {
-        // The task's text at training time.
+        // `task.toml` holds the task's text at training time.
         task = kept.to_str().unwrap_or(task);
     }
     // The robot's path is relative to the training's working directory, which may be an ancestor of this folder.
@@ -89,7 +91,7 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
             format!("{TASK} is not the text that the policy learned with; take the folder as it was, or train again")
         }
         (false, false, _) => return read(folder, config, &*task, &learned),
-        // Tasks and robots of the project may improve: print a line and continue.
+        // Tasks and robots that come with the project may change between versions: print a note and continue.
         (robot, ..) => {
             let what = if robot { format!("robot `{}`", task.robot()) } else { format!("task `{}`", task.name()) };
             let found = read(folder, config, &*task, &learned)?;
@@ -106,12 +108,13 @@ pub fn called(folder: &Path) -> Result<String> {
     Ok(if nerd_tasks::names().contains(&task.as_str()) { task } else { nerd_tasks::word(&task) })
 }
 
-/// Text of a task that does not come with the project.
+/// Text of a task from a file; `None` for a task that comes with the project.
 pub(super) fn own(task: &dyn Task) -> Option<&str> {
     task.text().filter(|_| !nerd_tasks::names().contains(&task.name()))
 }
 
-/// Identity of a task by content: its name, or for a task from a file the hash of its text in place of its path.
+/// Identity of a task by content: the name of a built-in task. A task from a file is identified by the hash of its
+/// text, so its path does not matter.
 pub fn identity(task: &dyn Task) -> String {
     if own(task).is_none() {
         return task.name().into();
@@ -157,7 +160,7 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
         let own = all.get_mut(table).map(|table| renamed::json(kind, table));
         old.extend(own.transpose().map_err(|e| Error::file(&path)(format!("{table}: {e}")))?.unwrap_or_default());
     }
-    // The text's own errors have a line and a column.
+    // Parse the original text if no key was renamed or dropped: its errors name a line and a column.
     let config = if all == before { serde_json::from_str(&text) } else { serde_json::from_value(all) };
     renamed::note(&path.display().to_string(), old);
     Ok((path.clone(), config.map_err(Error::file(&path))?))
@@ -167,7 +170,7 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
 fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> Result<(PolicyConfig, Policy)> {
     check(&config, task).map_err(Error::file(&folder.join("config.json")))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
-    // The path of the task's file may have changed since, but not its name.
+    // The folder of the task's file may have changed since training, but not the file's name.
     let of = file.word("task")?;
     let name = |task: &str| nerd_tasks::word(nerd_tasks::parts(task).0);
     if name(of) != name(learned) {
@@ -191,7 +194,7 @@ fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> 
     Ok((config, policy))
 }
 
-/// Stores a policy's network and moments under names with this prefix.
+/// Stores weights and moments of a policy under tensor names that begin with `prefix`.
 pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
     file.put_network(&tensors(prefix, &policy.shape), &policy.flat);
     for (name, moments) in [("observation", &policy.seen), ("return", &policy.returns)] {
@@ -230,7 +233,7 @@ fn tensors(prefix: &str, shape: &Shape) -> Vec<TensorSpec> {
         .collect()
 }
 
-/// Checks settings, and sizes of observation and action against the task.
+/// Checks the settings, and compares the sizes of observation and action with the task's.
 fn check(config: &PolicyConfig, task: &dyn Task) -> Result<(), String> {
     let Shape { observation, action, .. } = config.shape;
     config.shape.check().map_err(|e| format!("shape: {e}"))?;

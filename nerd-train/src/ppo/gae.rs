@@ -7,11 +7,11 @@
 //! ```
 //!
 //! `V(s_{t+1})` is the value of the state reached by the step. A truncated episode bootstraps from its final state;
-//! only a terminal state has no value.
+//! only a terminal state has value 0.
 
 use super::PpoConfig;
 
-/// Lambda.
+/// Lambda of GAE.
 pub(super) const LAMBDA: f64 = 0.95;
 /// The step ended its episode in a terminal state.
 pub const TERMINATED: u8 = 1;

@@ -1,8 +1,8 @@
-//! PPO loss of one step and its gradient with respect to the network's outputs (Schulman et al. 2017; terms as in
-//! rl_games).
+//! PPO loss of one step and its gradient with respect to the network's outputs (Schulman et al. 2017). Its terms are
+//! those of rl_games.
 //!
-//! p is the ratio of new to old action probability, A the advantage, eps the clip range. v and R are the normalised
-//! value and return.
+//! Let p be the ratio of new to old action probability, A the advantage and eps the clip range. The normalised value
+//! and return are v and R; the mean action and its log standard deviation are mu and s.
 //!
 //! ```text
 //! L = max(-A p, -A clamp(p, 1 - eps, 1 + eps))
@@ -48,7 +48,7 @@ pub struct Terms {
     /// KL divergence `KL(new, old)`, where old is the policy one pass earlier.
     #[serde(deserialize_with = "figure")]
     pub kl: f64,
-    /// Steps with a ratio outside the clip range.
+    /// Steps with a probability ratio outside the clip range.
     #[serde(deserialize_with = "figure")]
     pub clipped: f64,
 }
@@ -114,7 +114,7 @@ pub(super) fn step(
     let ratio = (past.neg_log_prob - neg_log_prob(action, mu, s)).exp();
     let (low, high) = (1.0 - config.clip_coef, 1.0 + config.clip_coef);
     let (free, held) = (-advantage * ratio, -advantage * ratio.clamp(low, high));
-    // Gradient with respect to ln p: zero where the clipped term is larger.
+    // Gradient of the policy loss with respect to ln p: zero where the clipped term is larger.
     let by_log = if free >= held { -advantage * ratio } else { 0.0 };
     let mut terms = Terms { actor: f64::from(free.max(held)), ..Default::default() };
     terms.clipped = f64::from(u8::from(!(low..=high).contains(&ratio)));

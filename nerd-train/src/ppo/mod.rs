@@ -1,16 +1,17 @@
 //! Proximal policy optimisation (PPO, Schulman et al. 2017) with the settings of the paper's policies: rl_games'
 //! continuous actor-critic. Observations and returns have running normalisers, advantages come from GAE, and time-outs
-//! bootstrap the value. The ratio is clipped, the value too if [`PpoConfig::value_clip`] is set. The learning rate
-//! adapts to the KL divergence.
+//! bootstrap the value. The probability ratio is clipped, and the value too if [`PpoConfig::value_clip`] is set. The
+//! learning rate adapts to the KL divergence.
 //!
-//! Unlike rl_games, the observation normaliser updates after an update, so the first ratio is 1. The shipped policies
-//! were trained in the order of rl_games.
+//! Unlike in rl_games, the observation normaliser absorbs a rollout only after its update. So the first probability
+//! ratio of an update is 1. The shipped policies were trained in the order of rl_games.
 //!
 //! Networks are small and environments many, so PPO runs in plain f32 on the CPU ([`nerd_model::program::cpu`]). An
 //! update of 65 536 steps costs tenths of a second on two cores. With a simulator on a GPU, policy and updates run
 //! there too. The same seed gives the same bytes for any number of threads.
 //!
-//! SHAC ([`Shac`]) learns from gradients of the simulator in place of samples, in the same runs and folders.
+//! SHAC ([`Shac`]) learns from gradients of the simulator instead of samples. Its runs and folders have the form of
+//! PPO's.
 //!
 //! An [`Engine`] steps episodes, estimates advantages (`gae.rs`) and updates the policy (`update.rs`, loss in
 //! `loss.rs`). [`Trainer`] repeats this and holds the state of the run, [`PolicyRun`] runs it in a folder, [`play()`]

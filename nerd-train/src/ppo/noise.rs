@@ -1,8 +1,9 @@
-//! Action noise: normal numbers from ChaCha8 streams. They depend on seed, stream and position alone.
+//! Action noise: normal numbers from ChaCha8 streams. The numbers depend only on the seed, the stream's number and the
+//! position in the stream.
 
 use super::*;
 
-/// A ChaCha8 stream of a seed.
+/// A ChaCha8 stream, by seed and number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StreamKey {
     /// Seed.
@@ -18,7 +19,7 @@ impl StreamKey {
     }
 }
 
-/// ChaCha8 key of a generator, as kernels take it.
+/// ChaCha8 key of a generator, as four 64-bit words for the kernels.
 #[cfg(feature = "cuda")]
 pub(super) fn key(rng: &ChaCha8Rng) -> [u64; 4] {
     let seed = rng.get_seed();
@@ -26,14 +27,14 @@ pub(super) fn key(rng: &ChaCha8Rng) -> [u64; 4] {
 }
 
 /// Samples actions `N(mean, exp(spread)^2)` with the noise of one stream. Each thread starts at the stream position of
-/// its first action, so the result does not depend on threads.
+/// its first action. So the result does not depend on the number of threads.
 pub(super) fn drawn(answer: &PolicyOutput, key: StreamKey) -> Vec<f32> {
     const PART: usize = 4096;
     let mut out = vec![0.0; answer.mean.len()];
     let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
     out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
         let (mut rng, mut spare) = (key.rng(), None);
-        // Normal numbers are drawn in pairs, from four words each.
+        // Each pair of normal numbers takes four 32-bit words of the stream.
         rng.set_word_pos(2 * (part * PART) as u128);
         for (a, mu, s) in izip!(out, mean, spread) {
             *a = mu + s.exp() * normal(&mut rng, &mut spare);

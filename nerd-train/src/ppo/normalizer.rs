@@ -1,6 +1,6 @@
 //! Running mean and variance, by the batch update of Chan, Golub and LeVeque.
 //!
-//! For n rows so far and m new rows of mean b and variance w, with `d = b - mean`:
+//! Let n be the number of rows so far, and let m new rows have mean b and variance w. With `d = b - mean`:
 //! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
 
 use super::*;
@@ -17,7 +17,7 @@ pub struct RunningMoments {
     pub count: f64,
 }
 
-/// Normalised numbers are clamped to +- this.
+/// Bound (absolute value) that normalised numbers are clamped to.
 pub const WIDEST: f64 = 5.0;
 const EPSILON: f64 = 1e-5;
 
@@ -29,7 +29,7 @@ impl RunningMoments {
 
     pub(super) fn of(rows: &[f64], columns: usize) -> Self {
         let n = (rows.len() / columns.max(1)) as f64;
-        // Each thread sums some columns over all rows in order: the same bits on any number of threads.
+        // Each thread sums whole columns in row order, so the bits do not depend on the number of threads.
         let means = |of: &[f64], square: bool| {
             let mut sums = vec![0.0; columns];
             let part = columns.div_ceil(rayon::current_num_threads()).max(4);

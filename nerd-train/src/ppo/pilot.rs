@@ -1,8 +1,8 @@
-//! Policies that act while training data is recorded: a learned simulator is used in states that policies visit and
-//! random torques rarely reach.
+//! Policies that act while training data is recorded. They visit the states in which a learned simulator is used;
+//! random torques rarely reach these states.
 //!
-//! Future policies visit yet other states. Therefore all policies act with noise, some trajectories begin fast, and in
-//! some several policies alternate.
+//! Future policies visit yet other states. Therefore all policies act with noise. Some trajectories begin at high
+//! velocities, and in some several policies alternate.
 
 use std::fmt;
 use std::sync::OnceLock;
@@ -14,8 +14,8 @@ use nerd_tasks::{Compiled, View, Work, fast_start};
 use super::noise::normal;
 use super::*;
 
-/// Largest standard deviation of action noise, as a multiple of the policy's own; near-deterministic data covers no
-/// neighbouring states.
+/// Largest standard deviation of action noise, as a multiple of the policy's own. With little noise, data would not
+/// cover states near the policy's path.
 const NOISE: f64 = 2.0;
 /// Share of trajectories with alternating policies, and the mean number of frames between switches.
 const MIXED: f64 = 0.25;
@@ -29,7 +29,7 @@ type All = Arc<[One]>;
 struct One {
     task: Arc<dyn Task>,
     actor: Arc<Actor>,
-    /// The task for the first robot that it was recorded for.
+    /// The task compiled for the first robot; it is compiled anew for any other robot.
     first: OnceLock<Arc<Compiled>>,
 }
 
@@ -84,7 +84,7 @@ struct Acting {
     now: Turn,
 }
 
-/// A policy during the frames that it acts.
+/// The turn of a policy: the frames in which it acts, for one goal.
 struct Turn {
     which: usize,
     task: Arc<Compiled>,

@@ -2,17 +2,17 @@
 
 use super::*;
 
-/// One episode.
+/// Result of one episode.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Game {
     /// Sum of rewards.
     pub reward: f64,
-    /// Length (steps).
+    /// Length of the episode (steps).
     pub length: f64,
-    /// Mean of [`nerd_tasks::Task::error`] over the last half of the episode, if the task defines success. At most 1 is
-    /// a success.
+    /// Mean of [`nerd_tasks::Task::error`] over the last half of the episode, if the task defines success. An error of
+    /// at most 1 is a success.
     pub error: Option<f64>,
-    /// Sums of [`nerd_tasks::Task::terms`].
+    /// Sum over the episode of each of [`nerd_tasks::Task::terms`].
     pub terms: Vec<f64>,
 }
 
@@ -39,7 +39,7 @@ pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(u
     Ok(games.into_iter().flatten().collect())
 }
 
-/// Mean relative error over the last half of an episode; infinite if the solver failed there.
+/// Mean of [`nerd_tasks::Task::error`] over the last half of an episode; infinite if the solver failed in that half.
 fn last_half(errors: &[Option<f64>]) -> Option<f64> {
     let last = &errors[errors.len() / 2..];
     let sum: f64 = last.iter().map(|error| error.unwrap_or(f64::INFINITY)).sum();

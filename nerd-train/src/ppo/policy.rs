@@ -8,24 +8,24 @@ use nerd_model::transformer::Init;
 
 use super::*;
 
-/// Rows per task of a thread. Partial gradients are summed in order: the same bits on any number of threads.
+/// Rows per parallel task. Partial gradients are summed in order, so the bits do not depend on the number of threads.
 pub(super) const ROWS: usize = 512;
 
 /// Shape of a policy.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shape {
-    /// Numbers in an observation.
+    /// Length of an observation (numbers).
     pub observation: usize,
-    /// Stacked observations in the network's input.
+    /// Number of stacked observations in the network's input.
     pub stack: usize,
-    /// Numbers in an action.
+    /// Length of an action (numbers).
     pub action: usize,
     /// Widths of the hidden layers.
     pub hidden: Vec<usize>,
     /// Activation between layers.
     pub activation: Activation,
-    /// Whether the log standard deviation is an output.
+    /// Whether the log standard deviation is an output of the network; else it is a parameter.
     pub state_dependent_std: bool,
 }
 
@@ -51,12 +51,12 @@ impl Shape {
         within("layers of hidden", self.hidden.len() as f64, 0.0..=16.0, "")
     }
 
-    /// Inputs of the network.
+    /// Number of network inputs.
     pub fn inputs(&self) -> usize {
         self.observation * self.stack
     }
 
-    /// Outputs of the network: mean action, value and, by state, log standard deviation.
+    /// Number of network outputs: mean action, value and, if it depends on the state, log standard deviation.
     pub fn outputs(&self) -> usize {
         self.action + 1 + if self.state_dependent_std { self.action } else { 0 }
     }
@@ -66,7 +66,7 @@ impl Shape {
         if self.state_dependent_std { 0 } else { self.action }
     }
 
-    /// Widths from input to output.
+    /// Widths of all layers, from input to output.
     pub fn widths(&self) -> Vec<usize> {
         [&[self.inputs()], self.hidden.as_slice(), &[self.outputs()]].concat()
     }
@@ -80,13 +80,13 @@ impl Shape {
 /// A policy with its value function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Policy {
-    /// Shape.
+    /// Shape of the network.
     pub shape: Shape,
     /// Parameters, in the order of [`Shape::program`].
     pub flat: Vec<f32>,
-    /// Moments of stacked observations.
+    /// Running moments of stacked observations, which normalise the network's inputs.
     pub seen: RunningMoments,
-    /// Moments of returns.
+    /// Running moments of returns, which convert values to units of reward.
     pub returns: RunningMoments,
 }
 
@@ -102,7 +102,7 @@ pub struct PolicyOutput {
 }
 
 impl Policy {
-    /// Random weights, with standard deviation 1.
+    /// A policy with random weights; the standard deviation of its actions is 1.
     pub fn new(shape: Shape, rng: &mut ChaCha8Rng) -> Self {
         let mut flat = Vec::new();
         for tensor in shape.program().tensors {
@@ -113,7 +113,7 @@ impl Policy {
             }
         }
         if shape.state_dependent_std {
-            // Zero weights and biases: standard deviation 1 in every state.
+            // Zero weights and biases of the log standard deviations give standard deviation 1 in every state.
             let (outputs, inside) = (shape.outputs(), shape.hidden.last().copied().unwrap_or(shape.inputs()));
             let start = flat.len() - (inside + 1) * outputs;
             flat[start..].chunks_exact_mut(outputs).for_each(|row| row[shape.action + 1..].fill(0.0));
@@ -121,9 +121,9 @@ impl Policy {
         Self { seen: RunningMoments::new(shape.inputs()), returns: RunningMoments::new(1), flat, shape }
     }
 
-    /// Sets the initial standard deviation.
+    /// Sets the initial standard deviation of actions.
     pub(super) fn spread_out(mut self, spread: f32) -> Self {
-        // The last parameters are the log standard deviations, or the biases of those outputs.
+        // The last parameters are the log standard deviations, or the biases of the outputs that predict them.
         let at = self.flat.len() - self.shape.action;
         self.flat[at..].fill(spread.ln());
         self
@@ -164,12 +164,12 @@ impl Policy {
         hex(Sha256::digest(&bytes))
     }
 
-    /// Values in units of reward.
+    /// Values `[n]` of `answer`, converted to units of reward.
     pub fn values(&self, answer: &PolicyOutput) -> Vec<f64> {
         answer.value.iter().map(|v| self.returns.restore(0, f64::from(*v))).collect()
     }
 
-    /// Log standard deviation parameters; empty if they are outputs.
+    /// Parameters of log standard deviation `[action]`; empty if the network outputs them.
     pub fn spread(&self) -> &[f32] {
         &self.flat[self.flat.len() - self.shape.spread()..]
     }
@@ -177,7 +177,7 @@ impl Policy {
 
 /// A policy for repeated calls, with its network loaded once.
 pub struct Actor {
-    /// The policy.
+    /// The policy whose weights are loaded.
     pub policy: Policy,
     network: Loaded,
 }
@@ -188,7 +188,7 @@ impl Actor {
         Self { network: policy.network(), policy }
     }
 
-    /// [`Policy::answer`].
+    /// Same as [`Policy::answer`], without loading the network again.
     pub fn answer(&self, observations: &[f64]) -> PolicyOutput {
         self.policy.answer_by(&self.network, observations)
     }

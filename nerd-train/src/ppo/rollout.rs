@@ -7,19 +7,19 @@ use super::*;
 /// Steps of one iteration, `[step][env]`.
 #[derive(Clone, Debug, Default)]
 pub struct Rollout {
-    /// Stacked observations.
+    /// Stacked observations `[step][env][inputs]`.
     pub observations: Vec<f64>,
-    /// Sampled actions; environments clamp them to [-1, 1].
+    /// Sampled actions `[step][env][action]`; environments clamp them to [-1, 1].
     pub actions: Vec<f32>,
-    /// Mean actions.
+    /// Mean actions `[step][env][action]`.
     pub mean: Vec<f32>,
-    /// Log standard deviations.
+    /// Log standard deviations of actions `[step][env][action]`.
     pub spread: Vec<f32>,
-    /// Negative log-probabilities of the actions.
+    /// Negative log-probabilities of the sampled actions `[step][env]`.
     pub neg_log_prob: Vec<f32>,
-    /// Values (units of reward).
+    /// Values of the states before each step `[step][env]` (units of reward).
     pub values: Vec<f64>,
-    /// Advantages (units of reward).
+    /// Advantages `[step][env]` (units of reward).
     pub advantages: Vec<f64>,
 }
 
@@ -37,20 +37,20 @@ impl Rollout {
 pub struct Ended {
     /// Step of the rollout that ended the episode, from 0.
     pub step: usize,
-    /// Environment.
+    /// Index of the environment.
     pub env: usize,
     /// Return: sum of rewards.
     pub total: f64,
-    /// Length (steps).
+    /// Length of the episode (steps).
     pub length: f64,
 }
 
 /// Result of a rollout.
 #[derive(Clone, Debug, Default)]
 pub struct RolloutStats {
-    /// Episodes that ended, in order.
+    /// Episodes that ended, in order of step and environment.
     pub ended: Vec<Ended>,
-    /// Episodes ended by a solver failure, or broken off for a frame without finite gradients.
+    /// Number of episodes that a solver failure ended, or that broke off at a frame without finite gradients.
     pub failed: usize,
     /// Sums of [`nerd_tasks::Task::terms`] over all steps; empty for rollouts on a GPU.
     pub terms: Vec<f64>,
@@ -59,7 +59,7 @@ pub struct RolloutStats {
 /// Running episodes of all environments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Running {
-    /// Stacked observations.
+    /// Stacked observations of all environments.
     pub stack: Stack,
     /// Sum of rewards so far, by environment.
     pub rewards: Vec<f64>,
@@ -68,15 +68,15 @@ pub struct Running {
 }
 
 impl Running {
-    /// Episodes at their start.
+    /// State of all episodes at their start, with `stack` stacked observations.
     pub fn new(episodes: &Episodes, stack: usize) -> Self {
         let n = episodes.len();
         let stack = Stack::new(stack, episodes.task.observation_dim(), episodes.observations());
         Self { stack, rewards: vec![0.0; n], lengths: vec![0.0; n] }
     }
 
-    /// Steps all environments. Returns the task's results and the ended episodes, with `step` 0. `out` receives the
-    /// stacked final observations of truncated episodes, in order of environment.
+    /// Steps all environments. Returns the task's results and the ended episodes; the caller must set `step` in these,
+    /// which is 0. `out` receives the stacked final observations of truncated episodes, in order of environment.
     pub fn step(
         &mut self,
         episodes: &mut Episodes,
@@ -99,7 +99,7 @@ impl Running {
         self.stack.begin(|other| other == env, episodes.observations());
     }
 
-    /// Adds the reward of a step; returns the episode if `over`.
+    /// Adds the reward of one step of an environment; returns the environment's episode if it is `over`.
     pub(super) fn count(&mut self, step: usize, env: usize, reward: f64, over: bool) -> Option<Ended> {
         self.rewards[env] += reward;
         self.lengths[env] += 1.0;

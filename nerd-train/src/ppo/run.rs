@@ -15,18 +15,18 @@ use crate::{bounds, files};
 /// Least time between two checkpoints, unless iterations are long.
 const SAVE: Duration = Duration::from_secs(60);
 
-/// One run.
+/// Training of a policy in a folder.
 #[derive(Clone)]
 pub struct PolicyRun {
-    /// Task.
+    /// Task, by its name or the path of its file.
     pub task: String,
-    /// Solver.
+    /// Solver that the policy trains in.
     pub arena: Arena,
-    /// Settings.
+    /// Training settings.
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
-    /// Stops, with a checkpoint, after this time (min).
+    /// Time after which the run stops and writes a checkpoint (min); `None`: no limit.
     pub minutes: Option<f64>,
     /// Folder of the run.
     pub out: PathBuf,
@@ -35,7 +35,7 @@ pub struct PolicyRun {
 /// A run's results so far.
 #[derive(Clone, Debug)]
 pub struct Learned {
-    /// Task and solver.
+    /// Names of task and solver.
     pub title: String,
     /// Folder of the policy.
     pub policy: PathBuf,
@@ -45,18 +45,18 @@ pub struct Learned {
     pub iterations: u64,
     /// Episodes ended by a solver failure in this call.
     pub failed: usize,
-    /// Reason of the first failure, if known.
+    /// Reason of the first solver failure, if known.
     pub fault: Option<String>,
-    /// Time of this call.
+    /// Wall time of this call.
     pub elapsed: Duration,
-    /// Steps per second; `None` if no iteration was left.
+    /// Environment steps per second; `None` if no iteration was left to do.
     pub rate: Option<f64>,
-    /// Speed and shares of the stages, as text.
+    /// Steps per second and each stage's share of the time (%), as text.
     pub spent: String,
 }
 
 impl PolicyRun {
-    /// Trains, or continues training.
+    /// Trains the policy, or continues the run that the folder holds.
     pub fn train(&self) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
@@ -93,7 +93,7 @@ impl PolicyRun {
             rate: spent.rate(),
             spent: spent.words(),
         };
-        // A finished run keeps its times when started again.
+        // A finished run that is started again logs no session, so that its times stay.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
         }
@@ -101,11 +101,11 @@ impl PolicyRun {
         Ok(done)
     }
 
-    /// Iterates until all iterations are done or time is up, then writes a checkpoint. After an interrupted iteration
-    /// the last checkpoint stands.
+    /// Iterates until all iterations are done or time is up, then writes a checkpoint. If an iteration is interrupted,
+    /// the last checkpoint remains.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
-        // Opened after the first iteration: a run refused there leaves no file.
+        // The metrics file is opened after the first iteration, so that a run refused in it leaves no file.
         let mut metrics = None;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
         let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
@@ -154,7 +154,7 @@ struct Spent {
     update: f64,
     parts: Vec<(&'static str, f64)>,
     steps: f64,
-    /// Episodes that failed.
+    /// Number of episodes that failed.
     failed: usize,
 }
 

@@ -1,15 +1,16 @@
 //! Stacked observations, for tasks with partial observations: the newest observation of each environment, then
 //! differences of successive observations.
 //!
-//! Differences keep the information, but the policy normalises each column by its own moments. Two joint angles 8 ms
-//! apart hardly show the velocity; their difference shows only the velocity.
+//! Differences carry the information of older observations. The policy normalises each column by that column's moments,
+//! which makes small differences visible. Two joint angles 8 ms apart hardly show the velocity; their difference shows
+//! only the velocity.
 
 use rayon::prelude::*;
 
 /// Least number of environments per thread.
 const FEW: usize = 256;
 
-/// Stacked observations.
+/// Stacked observations of all environments.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stack {
     depth: usize,

@@ -9,12 +9,12 @@ use super::*;
 pub struct Iteration {
     /// Iterations done.
     pub step: u64,
-    /// Steps of all environments so far.
+    /// Steps so far, summed over all environments.
     pub frames: u64,
     /// Mean return of the last max(environments, 100) ended episodes, or of fewer at first; `None` before any has
     /// ended.
     pub reward: Option<f64>,
-    /// Their mean length (steps).
+    /// Mean length of the episodes that `reward` counts (steps).
     pub length: Option<f64>,
     /// Mean of each reward term per step; empty for rollouts on a GPU.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -41,36 +41,36 @@ pub struct State {
     pub iteration: u64,
     /// The policy.
     pub policy: Policy,
-    /// Its optimiser.
+    /// Optimiser of the policy.
     pub adam: Adam,
-    /// Episodes under way.
+    /// Stacked observations, rewards and lengths of the running episodes.
     pub running: Running,
     /// Return and length of the last ended episodes, from several iterations if needed.
     pub recent: VecDeque<(f64, f64)>,
-    /// Largest mean return so far, and the policy that acted when it was reached. In a task with levels, the last mean
-    /// and policy.
+    /// Largest mean return so far, and the policy that acted when it was reached. In a task with levels, the latest
+    /// mean return and its policy instead.
     pub best: Option<(f64, Policy)>,
 }
 
-/// A run.
+/// A training run of a policy.
 pub struct Trainer {
     /// Episodes to learn from.
     pub episodes: Episodes,
-    /// Settings.
+    /// Training settings.
     pub config: PpoConfig,
-    /// Seed.
+    /// Seed of weights, noise and permutations.
     pub seed: u64,
-    /// State.
+    /// State of the run after the last iteration.
     pub state: State,
     /// Engine of rollouts and updates.
     pub engine: Box<dyn Engine>,
-    /// Limit that breaks off a running iteration with [`Error::Stopped`] (default: none). The episodes then stand
-    /// mid-iteration, and the run can only continue from a checkpoint.
+    /// Limit that breaks off a running iteration with [`Error::Stopped`] (default: none). After that the episodes are
+    /// in the middle of an iteration, and the run can only continue from a checkpoint.
     pub stop: Stop,
 }
 
 impl Trainer {
-    /// A run from random weights.
+    /// A training run from random weights.
     pub fn new(mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check())?;
         let (found, wanted) = (episodes.len(), config.environments);
@@ -102,7 +102,7 @@ impl Trainer {
         Ok(Self { episodes, config, seed, state, engine, stop: Stop::default() })
     }
 
-    /// One rollout and its update.
+    /// Runs one iteration: a rollout and its update.
     pub fn iterate(&mut self) -> Result<Iteration> {
         let Self { episodes, config, state, engine, stop, .. } = self;
         let started = Instant::now();
@@ -127,7 +127,8 @@ impl Trainer {
         };
         let (reward, length) = (mean(|e| e.0), mean(|e| e.1));
         // Episodes last longer than an iteration, so earlier policies contribute to the mean return. Keep the policy
-        // that acted last, not the one this update makes. With rising levels, earlier returns came from easier terrain.
+        // that acted last, not the one this update makes. With rising levels, earlier returns came from easier terrain
+        // and do not compare.
         let better = |reward: f64| episodes.climbs() || state.best.as_ref().is_none_or(|best| reward > best.0);
         if let Some(reward) = reward.filter(|reward| state.recent.len() == most && better(*reward)) {
             state.best = Some((reward, state.policy.clone()));
@@ -143,7 +144,7 @@ impl Trainer {
             frames: state.iteration * config.steps() as u64,
             reward,
             length,
-            // A term may be non-finite where the reward is finite; such a term has no mean.
+            // A reward term may be non-finite where the reward is finite; such a term is left out.
             terms: (episodes
                 .task
                 .terms()
@@ -161,8 +162,8 @@ impl Trainer {
         })
     }
 
-    /// The policy with the largest mean return and that return ([`State::best`]); before there is one, the present
-    /// policy.
+    /// The policy with the largest mean return and that return ([`State::best`]); before any mean return exists, the
+    /// present policy.
     pub fn best(&self) -> (&Policy, Option<f64>) {
         self.state.best.as_ref().map_or((&self.state.policy, None), |(reward, policy)| (policy, Some(*reward)))
     }

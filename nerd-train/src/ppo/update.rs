@@ -1,8 +1,9 @@
 //! Passes over one rollout: minibatches, gradients, Adam, and the learning rate adapted to the KL divergence.
 //!
-//! The return normaliser updates first, the observation normaliser last: inputs stay the same, so the first ratio of an
-//! update is 1. As in rl_games, each minibatch stores the policy's present means and log standard deviations for its
-//! steps. The KL divergence therefore spans one pass, not the whole update.
+//! The return normaliser absorbs the rollout before the passes, the observation normaliser after them. So the network's
+//! inputs stay the same, and the first probability ratio of an update is 1. As in rl_games, each minibatch stores the
+//! policy's present means and log standard deviations for its steps. The KL divergence therefore compares policies one
+//! pass apart, not those before and after the whole update.
 
 use std::sync::MutexGuard;
 
@@ -13,18 +14,18 @@ use crate::learner::optimiser::{self, norm};
 
 /// Largest global norm of a gradient.
 pub(super) const GRADIENT_NORM: f32 = 1.0;
-/// Smallest and largest learning rate, and the factor of one change.
+/// `RATES`: smallest and largest learning rate. `FACTOR`: factor of one change of the learning rate.
 const RATES: [f64; 2] = [1e-6, 1e-2];
 const FACTOR: f64 = 1.5;
 
 /// Adam's state (beta 0.9, 0.999, epsilon 1e-8).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Adam {
-    /// First moment.
+    /// First moments of the gradient's entries.
     pub m: Vec<f32>,
-    /// Second moment.
+    /// Second moments of the gradient's entries.
     pub v: Vec<f32>,
-    /// Updates so far.
+    /// Number of updates so far.
     pub step: u64,
     /// Learning rate of the next update.
     pub learning_rate: f64,
@@ -116,7 +117,7 @@ pub(super) fn orders(
     })
 }
 
-/// A rollout in the network's units.
+/// A rollout with normalised inputs, advantages, value targets and values.
 struct Data<'a> {
     rollout: &'a Rollout,
     inputs: Vec<f32>,
@@ -131,8 +132,8 @@ impl<'a> Data<'a> {
     /// Absorbs the returns into the policy's moments, then normalises advantages, value targets and inputs.
     fn begun(policy: &mut Policy, rollout: &'a Rollout) -> Self {
         let returns = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect_vec();
-        // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
-        // never predicted.
+        // Normalise old values by the moments that they were predicted with. By the updated moments, value clipping
+        // would compare with values that were never predicted.
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         policy.returns.absorb(&RunningMoments::of(&returns, 1));
         let all = RunningMoments::of(&rollout.advantages, 1);
@@ -239,7 +240,7 @@ fn gradient(
         }
         part.flat = network.network.backward(1, upstream, memory, false).0;
         network.idle().push(workspace);
-        // Gradient of the log standard deviation: the last tensor, which the network's backward pass does not reach.
+        // The log standard deviations are the last tensor, whose gradient the network's backward pass does not compute.
         let network = part.flat.len() - spreads.len();
         part.flat[network..].copy_from_slice(&spreads);
         part

@@ -2,29 +2,28 @@
 
 use super::*;
 
-/// A system in a rollout: its observation by the network, its step and its loss, each with a hand-written
-/// vector-Jacobian product.
+/// A system in a rollout: its observation, step and loss, each with a hand-written vector-Jacobian product (VJP).
 pub trait Body: Clone + Send + Sync {
-    /// Augmentation of a motion.
+    /// Augmentation of a motion, such as a turn and a reflection.
     type View: Copy + Send + Sync;
-    /// State before or after a frame, in its motion's view.
+    /// State before or after a frame, transformed by the view of the motion.
     type State: Clone + Send + Sync;
     /// Gradient with respect to the state.
     type Slope: Clone + Send + Sync;
-    /// Data that a frame's backward pass needs beside the state before the frame.
+    /// Record of an observation, which a frame's backward pass needs beside the state before the frame.
     type Look: Send;
     /// Working memory of a thread.
     type Memory;
 
     /// Working memory of a thread.
     fn memory(&self) -> Self::Memory;
-    /// Tokens of one state.
+    /// Number of tokens of one state.
     fn tokens(&self) -> usize;
     /// View of a motion: yaw (rad), and whether it is mirrored.
     fn view(&self, yaw: f64, mirrored: bool) -> Self::View;
-    /// State of a recorded motion, in its view.
+    /// Recorded state at a place of a motion, transformed by the view of the place.
     fn truth(&self, motions: &Motions, place: &Place<Self::View>) -> Self::State;
-    /// Observes a state at a place of a motion; appends normalised tokens to `tokens`.
+    /// Observes a state at a place of a motion; appends the network's normalised input tokens to `tokens`.
     fn look(
         &self,
         state: &Self::State,
@@ -42,13 +41,15 @@ pub trait Body: Clone + Send + Sync {
     ) -> Self::State;
     /// Zero gradient.
     fn level(&self) -> Self::Slope;
-    /// Loss of a `[predicted, true]` state in frame k (from 1), times `weight`; adds its gradient to `gradient`.
+    /// Loss of a `[predicted, true]` pair of states after frame k (counted from 1), times `weight`. Adds the loss's
+    /// gradient to `gradient`.
     fn loss(&self, pair: [&Self::State; 2], k: usize, weight: f64, gradient: &mut Self::Slope) -> f64;
-    /// Adds the upstream gradient of `later` later frames to the frame's gradient `own`, limited as by the function
-    /// `join`.
+    /// Adds the upstream gradient of `later` later frames to the frame's gradient `own`, times the factor of the
+    /// function `join`.
     fn join(&self, own: &mut Self::Slope, upstream: &Self::Slope, later: usize);
-    /// Gradient with respect to the outputs, from the `upstream` gradient with respect to the state after the frame.
-    /// Adds the direct part with respect to the state before the frame to `gradient`.
+    /// Gradient with respect to the network's outputs, from the `upstream` gradient with respect to the state after the
+    /// frame. Adds to `gradient` the gradient with respect to the state before the frame that bypasses network and
+    /// observation.
     fn advance_back(
         &self,
         before: &Self::State,
@@ -56,8 +57,8 @@ pub trait Body: Clone + Send + Sync {
         upstream: &Self::Slope,
         gradient: &mut Self::Slope,
     ) -> Vec<f32>;
-    /// Adds to `gradient` the gradient with respect to the state before a frame that passes through the observation.
-    /// Sources are the gradient with respect to tokens and the `upstream` one.
+    /// Adds to `gradient` the gradient with respect to the state before a frame that passes through the observation. It
+    /// follows from the gradients with respect to the tokens (`by_tokens`) and the state after the frame (`upstream`).
     fn look_back(
         &self,
         before: &Self::State,
@@ -67,10 +68,11 @@ pub trait Body: Clone + Send + Sync {
         gradient: &mut Self::Slope,
         memory: &mut Self::Memory,
     );
-    /// Whether a rollout is close enough to the truth to continue in the next update. Continuing trains the network on
-    /// its own states.
+    /// Whether a rollout is close enough to the truth to continue in the next update. Continued rollouts train the
+    /// network on states that it predicted.
     fn near(&self, state: &Self::State, truth: &Self::State) -> bool;
-    /// Relative error of a network in the change over single frames, at `frames` evenly spaced frames.
+    /// Error of a network's prediction after one frame, relative to the true change over the frame. Taken at `frames`
+    /// evenly spaced frames.
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
 }
 
@@ -79,20 +81,21 @@ pub trait Body: Clone + Send + Sync {
 pub struct Place<V> {
     /// Index of the motion.
     pub motion: usize,
-    /// Frames since its start.
+    /// Frames since the start of the motion.
     pub frame: usize,
-    /// Augmentation.
+    /// View of the motion (augmentation).
     pub view: V,
 }
 
-/// Factor on the `upstream` gradient norm of `later` later frames, beside the norm `own` of the frame's gradient. It
-/// limits the upstream norm to `later` times `own`. Impacts amplify gradients; unlimited, one rollout of hundreds would
-/// decide an update.
+/// Factor on the upstream gradient of `later` later frames. It limits the norm `upstream` of that gradient to `later`
+/// times the norm `own` of the frame's gradient. Impacts amplify gradients: without a limit, one rollout of hundreds
+/// would decide an update.
 pub fn join(own: f64, upstream: f64, later: usize) -> f64 {
     (later as f64 * own / upstream.max(1e-300)).min(1.0)
 }
 
-/// Sum of first over sum of second numbers of single frames (motion, frame), at `count` evenly spaced ones.
+/// Ratio of two sums over `count` evenly spaced frames. `one` gives the two terms of a frame from its motion and its
+/// number.
 pub(super) fn ratio<M>(
     motions: &Motions,
     count: usize,

@@ -16,11 +16,11 @@ pub struct Course<B> {
     pub train: Arc<Motions>,
     /// Motions for validation on single frames.
     pub validation: Arc<Motions>,
-    /// Frames of a rollout, H.
+    /// Number H of frames in a rollout.
     pub frames: usize,
 }
 
-/// Start of a rollout if it restarts, and whether it must (`anew`).
+/// Random draw for a rollout: `place` is its start if it restarts, `anew` forces a restart.
 pub(super) struct Draw<V> {
     pub anew: bool,
     pub place: Place<V>,

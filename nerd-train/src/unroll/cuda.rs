@@ -1,9 +1,10 @@
 //! [`CudaUnrollLearner`]: updates through many frames on the device.
 //!
-//! States at the end of an update and motions stay on the device. Forward, each frame is `look -> network -> advance`:
-//! observe the states, predict, step the states. Backward, from the last frame, it is `loss and look -> network ->
-//! output -> network back -> frame back`. Activations are recomputed instead of stored. One captured graph holds the
-//! whole update. The host draws the starts of rollouts, and reads back which rollouts may continue.
+//! The motions, and the states at the end of an update, stay on the device. Forward, each frame is
+//! `look -> network -> advance`: observe the states, predict, step the states. Backward, from the last frame, it is
+//! `loss and look -> network -> output -> network back -> frame back`. Activations are recomputed instead of stored.
+//! One captured graph holds the whole update. The host draws the starts of rollouts, and reads back which rollouts may
+//! continue.
 
 use nerd_cuda::{Arg, Buffer, Device, DeviceResult, Replay, args};
 use nerd_model::program::Slot;
@@ -26,7 +27,7 @@ const KERNELS: [&str; 10] = [
     "unroll_add",
     "unroll_total",
 ];
-/// Torques in the network's input: those on the gripper's axes.
+/// Number of torques in a frame: those on the gripper's axes.
 const LED: usize = 6;
 /// Recorded states per upload.
 const SENT: usize = 1 << 16;
@@ -37,15 +38,15 @@ pub struct CudaUnrollLearner {
     threads: usize,
     config: LearnerConfig,
     course: Course<Cable>,
-    /// Places at the end of the last update; a resumed run restarts all rollouts.
+    /// Place of each rollout at the end of the last update. A resumed run restarts all rollouts.
     ended: Vec<Option<Place<View>>>,
     step: u64,
     network: Network,
     motions: Recorded,
     rollouts: Buffer<f64>,
-    /// States `[frame][rollout]`.
+    /// States of all rollouts `[H + 1][rollout]`, from before the first frame to after the last.
     states: Buffer<f64>,
-    /// Gradients with respect to states, and data for a frame's backward pass.
+    /// `upstream`: gradients with respect to states. `kept`: contact normals and gaps for a frame's backward pass.
     upstream: Buffer<f64>,
     kept: Buffer<f64>,
     by_tokens: Buffer<f32>,
@@ -57,7 +58,7 @@ pub struct CudaUnrollLearner {
 }
 
 impl CudaUnrollLearner {
-    /// Continues from `state`.
+    /// Continues training from `state`.
     ///
     /// # Errors
     /// If motions are shorter than a rollout, scenes or network have no kernels, or the device fails.
@@ -125,7 +126,7 @@ impl CudaUnrollLearner {
         self.network.device.launch_blocks(kernel, self.network.rows, self.threads, args)
     }
 
-    /// Computes the gradient of an update, followed by the loss.
+    /// Computes gradient and loss of an update; the loss is stored after the gradient.
     fn pass(&self) -> DeviceResult {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
@@ -156,7 +157,7 @@ impl CudaUnrollLearner {
 struct Recorded {
     frames: usize,
     states: Buffer<f64>,
-    /// Torques on the gripper's axes.
+    /// Torques on the gripper's axes (N, N m).
     torques: Buffer<f64>,
     scenes: Buffer<f64>,
 }
@@ -199,7 +200,7 @@ impl Learner for CudaUnrollLearner {
         self.optimiser.progress(&self.network.device)
     }
 
-    /// As [`super::UnrollLearner`], on the CPU.
+    /// Validates as [`super::UnrollLearner`] does, on the CPU.
     fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);

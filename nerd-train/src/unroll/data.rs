@@ -5,7 +5,7 @@ use nerd_sim::dataset::{begin, record, sha256_of};
 use super::*;
 use crate::prepare::{MakeSolver, opened, recorded};
 
-/// Motions per hash.
+/// Number of motions that are hashed together.
 const HASHED: usize = 16;
 
 /// Motions of equal length, in f64.

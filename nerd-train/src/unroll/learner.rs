@@ -12,13 +12,14 @@ pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
     course: Course<B>,
     network: Loaded,
-    /// Rollouts at the end of the last update; a resumed run restarts all of them.
+    /// Rollouts that the next update may continue; `None` for one that must restart. A resumed run restarts all
+    /// rollouts.
     rollouts: Vec<Option<Rollout<B>>>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }
 
 impl<B: Body> UnrollLearner<B> {
-    /// Continues from `state`.
+    /// Continues training from `state`.
     ///
     /// # Errors
     /// If motions are shorter than a rollout.
@@ -34,7 +35,7 @@ impl<B: Body> UnrollLearner<B> {
         Unroll { course: &self.course, network: &self.network }
     }
 
-    /// Rollouts of an update: continued, or restarted from its draws.
+    /// Rollouts of the next update: continued from the last update, or restarted at a random place.
     fn drawn(&mut self) -> Vec<Rollout<B>> {
         let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
         let draws = self.course.draws(config.seed, self.optimiser.state.step, config.batch);
@@ -69,7 +70,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         };
         let parts: Vec<(f64, Vec<f32>)> = rollouts.par_chunks_mut(ROLLOUTS).map(part).collect();
         let loss = parts.iter().map(|part| part.0).sum::<f64>();
-        // Sum in order: the same bits on any number of threads.
+        // Sum in order, so that the bits do not depend on the number of threads.
         let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
         parts.iter().for_each(|part| add(&mut gradient, &part.1));
         self.optimiser.update(lr, loss as f32, &gradient)?;
@@ -83,7 +84,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         Ok(self.optimiser.progress())
     }
 
-    /// Relative error of the averaged weights in the change over single frames.
+    /// Error of predictions by the averaged weights after one frame, relative to the true change over the frame.
     fn validate(&mut self, frames: usize) -> LearnResult<f32> {
         self.network.load(&self.optimiser.state.average);
         Ok(self.course.body.missed(&self.course.validation, &self.network, frames) as f32)

@@ -1,10 +1,10 @@
 //! Training through many frames, of cables with a token per rod ([`chain`]) and of robots with one token ([`robot`]).
 //!
 //! An update rolls motions out through H predicted frames and sums each frame's loss. Backpropagation passes through
-//! all of them: network, features and step. Most rollouts of a cable continue where the last update ended, so that the
-//! network trains on its own states. Rollouts far from the truth restart, and so do some at random. Rollouts of robots
-//! start from the truth in every update. Upstream gradients are limited ([`join`]). H is `--sequence`: 1 at first, more
-//! in later runs of a recipe.
+//! network, features and step of all frames. Most rollouts of a cable continue where the last update ended, so that the
+//! network trains on its own states. Rollouts far from the truth restart, and a random share of the others restarts
+//! too. Rollouts of robots start from the truth in every update. Upstream gradients are limited ([`join`]). The option
+//! `--sequence` sets H: 1 at first, more in later runs of a recipe.
 //!
 //! ```text
 //! motions ── view (turned, mirrored) ──▶ rollouts ── pass ──▶ loss, gradient ──▶ Adam, Muon

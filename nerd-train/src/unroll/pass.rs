@@ -5,15 +5,15 @@ use super::*;
 /// A predicted state along a motion.
 #[derive(Clone)]
 pub struct Rollout<B: Body> {
-    /// Its present frame.
+    /// Present frame of the motion.
     pub place: Place<B::View>,
-    /// Its state, in the view of its place.
+    /// Predicted state before that frame, in the view of `place`.
     pub state: B::State,
 }
 
-/// Inputs of a pass.
+/// Inputs of a forward and backward pass over rollouts.
 pub struct Unroll<'a, B> {
-    /// Motions and system.
+    /// Motions, system and length of rollouts.
     pub course: &'a Course<B>,
     /// Network with the weights of the update.
     pub network: &'a Loaded,
@@ -34,8 +34,8 @@ impl<B: Body> Unroll<'_, B> {
         Rollout { place, state: self.course.body.truth(&self.course.train, &place) }
     }
 
-    /// Steps rollouts through H frames. Returns the sum of their losses times `weight`, and its gradient with respect
-    /// to the weights. `memory` holds the network's activations by frame.
+    /// Steps rollouts through H frames. Returns the sum of their losses times `weight`, and the gradient of this sum
+    /// with respect to the network's weights. `memory` holds the network's activations by frame.
     pub fn pass(&self, rollouts: &mut [Rollout<B>], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
         let (frames, mut own) = (self.course.frames, self.course.body.memory());
         memory.resize_with(frames.max(memory.len()), Memory::default);
@@ -76,8 +76,8 @@ impl<B: Body> Unroll<'_, B> {
         Kept { before, looks, outputs, slopes }
     }
 
-    /// Gradients with respect to the states before a frame, from the upstream gradients of later frames (empty for the
-    /// last frame). Adds to `gradient` the part with respect to the weights.
+    /// Gradients with respect to the states before a frame, from the upstream gradients of `later` later frames. The
+    /// upstream gradients of the last frame are empty. Adds the gradient with respect to the weights to `gradient`.
     fn backward(
         &self,
         kept: &Kept<B>,

@@ -1,5 +1,5 @@
-//! Robots with one token per frame and predictions added to the state; contacts are found again in every predicted
-//! state.
+//! Robots with one token per frame; the network predicts a change of state. Contacts are detected anew in every
+//! predicted state.
 
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
@@ -7,7 +7,7 @@ use nerd_model::around::Around;
 
 use super::*;
 
-/// Share f of a frame's mean change that is an error of 1.
+/// Unit of errors, as a share f of the mean change over a frame.
 const SHARE: f64 = 0.02;
 /// Largest number of frames, roughly, that units are measured in.
 const FRAMES: usize = 8000;
@@ -16,17 +16,17 @@ const LEAST: f64 = 1e-9;
 
 /// A robot in rollouts.
 ///
-/// The loss of frame k is a sum of means of `p(e / 2 f u sqrt k)`, with `p(e) = sqrt(1 + e^2) - 1` and f = 0.02. The
-/// means are over root rotation, root translation and joints, each for pose and velocity. e is the error of the
-/// predicted state in the tangent space of the truth ([`difference`]). u is the mean change of a velocity over a frame;
-/// for a pose it is that times the frame time.
+/// The loss of frame k is a sum of six means of `p(e / 2 f u sqrt k)`. Here `p(e) = sqrt(1 + e^2) - 1` and f = 0.02.
+/// The means are over root rotation, root translation and joints, each for pose and velocity. The error e is that of
+/// the predicted state in the tangent space of the truth ([`difference`]). For a velocity, u is its mean change over a
+/// frame (m/s or rad/s). For a pose, u is that change times the frame time.
 #[derive(Clone)]
 pub struct Robot {
     /// Robot, form and normaliser.
     pub around: Around,
     /// Unit u of each number of the tangent space.
     pub units: Vec<f64>,
-    /// Weights of these numbers in the loss.
+    /// Weight of each number of the tangent space in the loss.
     weights: Vec<f64>,
 }
 
@@ -162,7 +162,8 @@ impl Body for Robot {
         self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, gradient);
     }
 
-    /// Never: the error of a free body grows by itself, and rollouts from such states would degrade single frames.
+    /// Never continues a rollout. The error of a free body grows by itself, and training on such states would degrade
+    /// predictions of single frames.
     fn near(&self, _: &Vec<f64>, _: &Vec<f64>) -> bool {
         false
     }

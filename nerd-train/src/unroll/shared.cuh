@@ -1,6 +1,6 @@
 // Declarations for the kernels of all systems.
 
-// Layout of the host's rows: motion, first frame of the update, whether the rollout restarts, and its view.
+// Row of a rollout as the host writes it: motion, first frame of the update, whether the rollout restarts, and view.
 struct View { double mirror, sine, cosine, yaw; };
 struct Rollout { double motion, frame, anew; View view; };
 

@@ -1,4 +1,4 @@
-// Adds a frame's gradient `of_frame` (n) to the sum `all` (n).
+// Adds a frame's gradient `of_frame` `[n]` to the sum `all` `[n]`; if `first`, the sum starts from 0.
 extern "C" __global__ void unroll_add(const float* of_frame, float* all, int n, int first) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i < n) all[i] = (first ? 0.0f : all[i]) + of_frame[i];

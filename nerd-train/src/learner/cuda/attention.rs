@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Shared memory of a block (bytes) without opt-in, and with opt-in from compute capability 8. Two blocks should fit in
-/// the first.
+/// `SHARED`: shared memory of a block (bytes) without opt-in; two blocks should fit in it. `ASKED`: shared memory with
+/// opt-in, from compute capability 8 on.
 const SHARED: usize = 48 << 10;
 const ASKED: usize = 99 << 10;
 /// Most tokens of a sequence: a block has one thread per token.
@@ -14,7 +14,7 @@ const TOKENS: usize = 128;
 pub(super) struct Attention {
     pub width: usize,
     pub heads: usize,
-    /// Most keys per query.
+    /// Largest number of keys per query.
     pub seen: usize,
     /// Whether attention is banded, with rotary positions.
     rotary: bool,
@@ -46,7 +46,8 @@ impl Attention {
         format!("constexpr int E = {width}, H = {heads}, B = {seen}, G = {group};\nconstexpr bool ROTARY = {rotary};")
     }
 
-    /// Shared bytes, forward (q|k|v) and backward (q|k|v, output gradient, probabilities and their gradients).
+    /// Shared memory of a block (bytes), forward (q|k|v) and backward (q|k|v, output gradient, probabilities and their
+    /// gradients).
     fn shared(&self) -> (usize, usize) {
         let Self { width, heads, seen, tokens: t, group, .. } = self;
         let columns = group * width / heads;
@@ -61,7 +62,7 @@ impl Attention {
         (0..places).flat_map(rotation).map(|(sin, cos)| [cos as f32, sin as f32]).collect()
     }
 
-    /// Floats of an environment's keys and values.
+    /// Number of floats in one environment's stored keys and values of one attention.
     pub fn ring(&self) -> usize {
         self.seen * 2 * self.width
     }
@@ -85,7 +86,7 @@ impl Attention {
         d.launch("attention_backward", grid, threads, self.shared().1, &args![qkv, gradient, out, rotations])
     }
 
-    /// Attention outputs for one new token of each of `rows` environments, from rings of keys and values.
+    /// Attention outputs for one new token of each of `rows` environments, from ring buffers of keys and values.
     pub fn stream(&self, d: &Device, rows: usize, [qkv, ring, taken, out, rotations]: [u64; 5]) -> DeviceResult {
         let args = args![qkv, ring, taken, out, rotations, rows];
         d.launch_blocks("attention_stream", (rows * self.heads).div_ceil(8), 256, &args)

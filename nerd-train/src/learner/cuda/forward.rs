@@ -4,7 +4,7 @@ use nerd_model::transformer::Forward;
 
 use super::*;
 
-/// Most sizes of a pass with a captured graph.
+/// Largest number of batch sizes with a captured graph.
 const SIZES: usize = 8;
 
 /// Inference on windows, on the GPU.

@@ -8,13 +8,14 @@ use super::*;
 /// Threads of a block, one per environment.
 const THREADS: usize = 32;
 
-/// Memory for the backward pass over some frames of a batch of one system: the network's activations in all of them.
+/// Memory for the backward pass over some frames of a batch of one system. It holds the network's activations in all
+/// these frames.
 pub(super) struct FramesBack {
     network: Network,
     weights: Buffer<f32>,
     by_tokens: Buffer<f32>,
     frames: usize,
-    /// Numbers in a state.
+    /// Length of a state (numbers).
     state: usize,
 }
 
@@ -27,7 +28,7 @@ pub(super) fn goes_back(model: &Model) -> Result<(), StepError> {
 }
 
 impl FramesBack {
-    /// Allocates memory for `frames` frames of batches like `batch`.
+    /// Allocates memory for `frames` frames of batches of the size of `batch`.
     pub fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
         let (config, system, n) = (model.config.network, &batch.system, batch.len());
         let (mut network, weights) =
@@ -57,7 +58,7 @@ impl FramesBack {
         self.network.forward(self.weights.ptr, rows)
     }
 
-    /// Vector-Jacobian products of one frame, one gradient (row) after the other.
+    /// Computes vector-Jacobian products of one frame, for one upstream gradient (row) after the other.
     pub fn back(&self, held: &Held, trail: Trail, back: Back) -> DeviceResult {
         let (Self { network, weights, state, .. }, n) = (self, held.n);
         let rows = back.frame * n..(back.frame + 1) * n;

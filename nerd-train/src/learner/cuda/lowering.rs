@@ -1,4 +1,4 @@
-//! Lowers a program to the parts of a [`Plan`]: folds scales into matrices, and fuses biases and positions with the
+//! Lowers a program to the parts of a [`Plan`]. Folds scales into matrices, and fuses biases and positions with the
 //! kernel that reads them. Refuses operations without kernels.
 
 use super::*;
@@ -40,7 +40,7 @@ impl Plan {
         if from == Slot(0) && !linear || to == Slot(0) {
             return refuse("tokens go through a product first");
         }
-        // Backward, only norms and products add to a gradient; all other kernels overwrite it.
+        // In the backward pass, only norms and products add to the gradient of a slot; all other kernels overwrite it.
         let shares = |other: &&Step| match other.op {
             Op::Place(_) => false,
             Op::Linear { add: true, .. } => [other.from, other.to].contains(&from),
@@ -114,8 +114,8 @@ impl Plan {
         at
     }
 
-    /// Fuses shifts with the next part: a norm adds bias and positions. An activation adds a bias, if no other step
-    /// reads the slot.
+    /// Fuses shifts with the next part. A norm adds bias and positions while it reads. An activation adds a bias alone,
+    /// if no other step reads the slot.
     fn fuse_shifts(&mut self) {
         for i in 1..self.parts.len() {
             let (next, steps) = (self.parts[i], &self.program.steps);

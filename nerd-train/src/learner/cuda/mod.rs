@@ -40,8 +40,8 @@ pub use resident::{Frames, resident};
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 
-/// The engine of a network for at most `envs` environments: one token per frame if the network allows, or else whole
-/// windows.
+/// The engine of a network for at most `envs` environments. It takes one token per frame if the network allows, or else
+/// whole windows.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> LearnResult<Box<dyn Stream>> {
     Ok(match Plan::stream(&weights.config) {
         Ok(_) => Box::new(CudaStream::new(weights, precision, envs)?),

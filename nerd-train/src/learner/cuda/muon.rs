@@ -1,8 +1,8 @@
 //! Muon on the GPU (see [`crate::learner::muon`]): all matrices of one shape as one batch of products.
 //!
 //! `muon_pack` updates the momentum and packs its Nesterov step, `muon_unit` divides by the norm. Five times:
-//! `A = X X^T`, `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`. `muon_apply` updates weights and average. Shapes
-//! alternate between the two streams.
+//! `A = X X^T`, `P = A A`, `P <- a 1 + b A + c P`, `X <- P X`. `muon_apply` updates weights and average. Shapes run
+//! alternately on the main and the side stream.
 
 use std::collections::BTreeSet;
 

@@ -15,22 +15,22 @@ pub(super) const SUMS: usize = 1 << 17;
 pub(crate) struct Network {
     pub device: Device,
     pub plan: Plan,
-    /// Most windows of a pass.
+    /// Largest number of windows in a pass.
     pub rows: usize,
-    /// Targets `[rows][T][outputs]`; after a loss, its gradient with respect to the predictions.
+    /// Targets `[rows][T][outputs]`; after [`Network::loss`], the gradient of the loss with respect to the predictions.
     pub targets: Buffer<f32>,
     /// Values of slots. The first buffer holds the tokens, `[rows][T][padded]`.
     values: Vec<Buffer<f32>>,
-    /// By slot, its buffer in `values`.
+    /// Index in `values` of each slot's buffer.
     buffer_of: Vec<usize>,
     /// Slots read after the last part that mixes tokens, with memory for one token of every window.
     pub(super) chosen: Vec<(Slot, Buffer<f32>)>,
-    /// Matrices with folded scales, and [`Plan::folds`].
+    /// `folded`: matrices with folded scales. `folds`: [`Plan::folds`] on the device.
     folded: Buffer<f32>,
     folds: Buffer<[i32; 4]>,
     /// Cosine and sine of rotary positions.
     pub(super) rotations: Buffer<[f32; 2]>,
-    /// By part, reciprocal standard deviations of a norm.
+    /// Reciprocal standard deviations `[part][token]`; empty for a part that is no norm.
     pub(super) saved: Vec<Buffer<f32>>,
     pub(super) partial_sums: Buffer<f32>,
     /// Fused kernel for a whole pass, if the program has one.
@@ -41,7 +41,8 @@ pub(crate) struct Network {
 }
 
 pub(super) struct BackwardMemory {
-    /// Gradients by slots, allocated in the first pass. The event marks the end of the side stream's reads.
+    /// Buffers for gradients of slots, allocated in the first pass. Each event marks the end of the side stream's reads
+    /// of its buffer.
     pub buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
     pub fork: Event,
     pub join: Event,
@@ -60,8 +61,8 @@ impl Network {
         let (text, kernels) = source(&plan);
         let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
         let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
-        // The f16 kernel needs compute capability 8. Training changes the weights, which would have to be packed every
-        // time.
+        // The f16 kernel needs compute capability 8. In training, the weights would have to be packed again after every
+        // update.
         let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;
         let whole = half
             .then(|| of(Products::F16).filter(|whole| whole.shared <= most))
@@ -129,8 +130,8 @@ impl Network {
         Ok((network, weights))
     }
 
-    /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. There a window has memory for all its tokens, and
-    /// rows are padded. The rest of slot 0 keeps its values.
+    /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. In slot 0 every window has memory for
+    /// `plan.tokens` tokens, and rows are padded. The rest of slot 0 keeps its values.
     pub fn load(&mut self, inputs: &[f32], tokens: usize) -> DeviceResult {
         let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
@@ -149,12 +150,12 @@ impl Network {
         (0..self.buffer_of.len()).map(|slot| self.at(Slot(slot))).collect()
     }
 
-    /// Predictions of the last pass, in its first rows.
+    /// Predictions of the last pass, in the first rows of the buffer.
     pub fn predictions(&self) -> &Buffer<f32> {
         &self.values[self.buffer_of[self.plan.program.predictions().0]]
     }
 
-    /// Address of a tensor in the flat vector at `base`.
+    /// Address of a tensor in the flat vector of parameters or gradients at `base`.
     pub(super) fn tensor(&self, base: u64, weight: Weight) -> u64 {
         base + 4 * self.plan.starts[weight.0] as u64
     }

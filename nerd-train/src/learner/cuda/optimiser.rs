@@ -25,8 +25,8 @@ struct Scalars {
     blend: f32,
 }
 
-/// The optimiser on the GPU. Everything that changes between updates (step, learning rate, bias corrections, decay of
-/// the average) is on the GPU, so no update waits for the GPU.
+/// The optimiser on the GPU. Step, learning rate, bias corrections and decay of the average change between updates.
+/// They are on the GPU too, so no update waits for it.
 pub(crate) struct Optimiser {
     pub weights: Buffer<f32>,
     pub average: Buffer<f32>,
@@ -45,7 +45,7 @@ pub(crate) struct Optimiser {
 }
 
 impl Optimiser {
-    /// Resumes `state`. `beta` is Adam's second.
+    /// Resumes `state`. `beta` is Adam's second beta.
     pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> LearnResult<Self> {
         let (shape, scalars) =
             (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
@@ -73,8 +73,8 @@ impl Optimiser {
         self.scalars.ptr
     }
 
-    /// Makes an update from the gradients. The number behind them times `mean` is the loss: a sum of squared errors, or
-    /// a chain's loss.
+    /// Makes an update from the gradients. The number after the gradients is a sum of squared errors, or a chain's
+    /// loss. Its product with `mean` is the reported loss.
     pub fn update(&self, d: &Device, mean: f32) -> LearnResult {
         let Self { weights, average, gradients, m, v, norms, scalars, muon, config, beta, .. } = self;
         let p = weights.len;

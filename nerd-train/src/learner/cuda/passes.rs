@@ -38,7 +38,7 @@ pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
 }
 
 impl Network {
-    /// Values of all slots over `rows` windows, as the backward pass needs them.
+    /// Computes the values of all slots over `rows` windows, as the backward pass needs them.
     pub fn forward(&self, w: u64, rows: usize) -> DeviceResult {
         self.forward_from(self.at(Slot(0)), w, rows)
     }
@@ -52,7 +52,8 @@ impl Network {
         })
     }
 
-    /// Predictions for all tokens of `rows` windows. A fused kernel, if there is one, fills no other slot.
+    /// Computes predictions for all tokens of `rows` windows. A fused kernel, if there is one, leaves all other slots
+    /// unchanged.
     pub fn predict(&self, w: u64, rows: usize) -> DeviceResult {
         if let Some(whole) = &self.whole {
             let args = args![w, self.at(Slot(0)), self.predictions(), rows];
@@ -62,7 +63,8 @@ impl Network {
         self.forward(w, rows)
     }
 
-    /// Predictions for one token of each window. The array at `tokens` has its index in the window.
+    /// Computes predictions for one token of each window. The array at address `tokens` holds the index of this token
+    /// by window.
     pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> DeviceResult {
         if self.whole.is_some() && self.plan.tokens == 1 {
             return self.predict(w, rows);
@@ -78,7 +80,7 @@ impl Network {
         self.run(w, first..all, &at, rows, &attend)
     }
 
-    /// Runs some parts over `n` rows of slots. `at` has the slots' addresses.
+    /// Runs some parts over `n` rows of slots. `at` holds the address of each slot.
     pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> DeviceResult {
         let plan = &self.plan;
         let optional = |weight: Option<Weight>| weight.map_or(0, |weight| self.tensor(w, weight));
@@ -130,7 +132,7 @@ impl Network {
                 let quads = n * to / 4;
                 d.launch_each("gate_forward", quads, 256, &args![x, y, to, quads])
             }
-            // Products and positions are other parts, and `run` calls `attend` itself.
+            // Products and positions are parts of other kinds, and `run` calls `attend` itself.
             Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
         }
     }
@@ -156,8 +158,8 @@ impl Network {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
     }
 
-    /// Mean loss of the first `rows` rows ([`crate::learner::LearnerConfig::huber`]). Its gradient replaces the targets.
-    /// The sum of squared errors goes behind the gradient vector at `g`.
+    /// Mean loss of the first `rows` rows ([`crate::learner::LearnerConfig::huber`]). Its gradient replaces the
+    /// targets. The sum of squared errors is written after the end of the gradient vector at `g`.
     pub fn loss(&self, rows: usize, huber: Option<f32>, g: u64) -> DeviceResult {
         let numbers = rows * self.plan.tokens * self.plan.outputs();
         let (scale, bend) = (2.0 / numbers as f32, huber.map_or(0.0, |d| (d * d).recip()));

@@ -1,8 +1,8 @@
 //! The plan of a program on a GPU: its steps as parts with kernels, and offsets of rows and parameters. `lowering.rs`
-//! makes it.
+//! makes the plan.
 //!
-//! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. Both gradients follow from the
-//! gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
+//! A scale is folded into the matrix after it, `W' = diag(w) W`, once per update. The gradients of W and w follow from
+//! the gradient of `W'`: `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::*;
 
@@ -12,7 +12,7 @@ pub(super) enum Part {
     Linear { from: Slot, to: Slot, weight: Weight, folded: Option<usize>, add: bool },
     /// `x += bias + P[k]` for the token at position k, in place. If fused, the next part adds both as it reads x.
     Shift { slot: Slot, bias: Option<Weight>, positions: Option<Weight>, fused: bool },
-    /// Any other step.
+    /// Any other step of the program.
     Step(Step),
 }
 
@@ -23,10 +23,10 @@ pub(crate) struct Plan {
     pub(super) parts: Vec<Part>,
     /// Offsets of tensors in the flat vector, then its length.
     pub starts: Vec<usize>,
-    /// By row of a folded matrix: offsets of the row of W, of its scale and of the row of W', then the number of
+    /// For each row of a folded matrix: offsets of the row of W, of its scale and of the row of W', and the number of
     /// columns.
     pub folds: Vec<[i32; 4]>,
-    /// Floats of all folded matrices.
+    /// Number of floats in all folded matrices.
     pub folded: usize,
     /// Columns of a token on the GPU, padded to a multiple of four for cuBLAS.
     pub padded: usize,
@@ -36,7 +36,7 @@ pub(crate) struct Plan {
 }
 
 pub(super) struct Layout {
-    /// Buffer of each slot.
+    /// Index of each slot's buffer.
     pub buffer_of: Vec<usize>,
     /// Floats in a row of each buffer.
     pub widths: Vec<usize>,
@@ -82,7 +82,7 @@ impl Plan {
         if slot == Slot(0) { self.padded } else { self.program.width(slot) }
     }
 
-    /// Whether an activation is fused with a bias.
+    /// Whether any activation of the program is fused with a bias.
     pub fn biased(&self) -> bool {
         let fused = |pair: &[Part]| {
             matches!(pair, [Part::Shift { fused: true, .. }, Part::Step(Step { op: Op::Activate(_), .. })])

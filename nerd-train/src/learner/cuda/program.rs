@@ -39,7 +39,7 @@ impl CudaProgram {
         self.pass(tokens, |net, w| net.forward(w, net.rows))
     }
 
-    /// Predictions without a backward pass after them, by a fused kernel if the program has one (small chains).
+    /// Predictions that no backward pass follows, by a fused kernel if the program has one (small chains).
     pub fn predict(&mut self, tokens: &[f32]) -> LearnResult<Vec<f32>> {
         self.pass(tokens, |net, w| net.predict(w, net.rows))
     }
@@ -56,7 +56,8 @@ impl CudaProgram {
         Ok(predictions)
     }
 
-    /// Gradients of the parameters and of the last tokens, from the gradient `upstream` of the predictions.
+    /// Gradients of the parameters and of the tokens of the last [`Self::forward`], from the gradient `upstream` of the
+    /// predictions.
     pub fn backward(&mut self, upstream: &[f32]) -> LearnResult<(Vec<f32>, Vec<f32>)> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, upstream)?;

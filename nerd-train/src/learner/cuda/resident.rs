@@ -1,5 +1,5 @@
-//! A model as a solver with its batch on the GPU: contacts, tokens, network and next state are one captured graph per
-//! frame.
+//! A model as a solver with its batch on the GPU. A captured graph steps one frame: contacts, tokens, network and next
+//! state.
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program};
@@ -173,7 +173,8 @@ impl Motion for Frames {
 }
 
 impl Made {
-    /// Clears the memory of environments that `first` does not continue. `hold`: torques are constant over the frames.
+    /// Clears the memory of each environment whose frame in `first` does not continue the remembered frames. `hold`:
+    /// torques are constant over the frames.
     fn follow(&mut self, first: &[u64], hold: bool) -> DeviceResult {
         if let Engine::Stream(stream) = &mut self.engine {
             let begins = |(env, frame): (usize, &u64)| (*frame == 0 || self.next[env] != *frame).then_some(env);
@@ -192,7 +193,7 @@ impl Made {
         Ok(())
     }
 
-    /// One frame; launched as a graph from the second call on.
+    /// Steps one frame; from the second call on, launches a captured graph.
     fn go(&self, held: &Held) -> DeviceResult {
         self.replay
             .run(&self.engine.network().device, "frame", [held.torques.ptr, held.records.ptr], || self.frame(held))

@@ -3,14 +3,15 @@
 use super::*;
 
 /// Inference with memory on the GPU: one graph per frame computes the tokens of all environments. A pass reads tokens
-/// `[env][padded]` from slot 0. A caller that makes passes without [`Stream::push`] counts the tokens itself.
+/// `[env][padded]` from slot 0. A caller that makes passes without [`Stream::push`] must count the tokens of each
+/// environment.
 pub struct CudaStream {
     replay: Replay,
     pub(super) network: Network,
     weights: Buffer<f32>,
     /// Keys and values `[attention][env][history][2 E]`.
     rings: Buffer<f32>,
-    /// Tokens of each environment since its memory was cleared, on the device and on the host.
+    /// Number of tokens of each environment since its memory was cleared, on the device and on the host.
     pub(super) taken: (Buffer<u32>, Vec<u32>),
 }
 
@@ -48,7 +49,7 @@ impl CudaStream {
         net.run(self.weights.ptr, 0..net.plan.parts.len(), &net.addresses(), net.rows, &attend)
     }
 
-    /// Clears the memory of some environments, where the device counts the tokens.
+    /// Clears the memory of the environments `envs`, for callers whose kernels count the tokens on the device.
     pub(super) fn forget(&mut self, envs: &[usize]) -> DeviceResult {
         if envs.is_empty() {
             return Ok(());

@@ -23,7 +23,7 @@ struct Data {
     y: Buffer<f32>,
     /// Shape of the windows, without data.
     shape: Windows,
-    /// Windows in all, and per trajectory.
+    /// `count`: number of all windows. `per`: windows per trajectory.
     count: usize,
     per: usize,
 }
@@ -79,8 +79,8 @@ impl CudaLearner {
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
-    /// Copies `rows` windows to the network's inputs and targets: the windows numbered at the address `numbers`, or
-    /// those drawn for the next update.
+    /// Copies `rows` windows to the network's inputs and targets. `numbers` is the address of their indices; without
+    /// it, the windows are drawn for the next update.
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> LearnResult {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));

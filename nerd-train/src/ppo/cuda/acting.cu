@@ -1,4 +1,5 @@
-// Actions, values and advantages of a rollout, with the noise and arithmetic of the CPU: f64 where the CPU uses f64.
+// Actions, values and advantages of a rollout. Noise and arithmetic are those of the CPU, in f64 where the CPU uses
+// f64.
 
 // Clamps to +-most; NaN stays NaN.
 __device__ double within(double x, double most) { return x < -most ? -most : x > most ? most : x; }
@@ -11,9 +12,10 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
         to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-// Samples actions. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Action i
-// takes the i-th normal number of stream `*stream + later`, drawn in pairs (Box-Muller) of four words each. Values are
-// in units of reward; `units` holds their mean and scale.
+// Samples actions. A row of `said` holds mean action and value, then the log standard deviation if `parameter` is null.
+// Otherwise `parameter` holds the log standard deviation. Number i of all actions takes the i-th normal number of
+// stream `*stream + later`. Box-Muller makes each pair of normal numbers from four 32-bit words. Values are in units of
+// reward; `units` holds their mean and scale.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3,
                                const u64* stream, u64 later, const double* units, float* means, float* spreads,
                                float* actions, float* neg_log_prob, double* values, float* kept, int rows, int a,
@@ -42,7 +44,7 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
     values[row] = (double)mu[a] * units[1] + units[0];
 }
 
-// Writes values to the indices in `which`, or in order; rows with index -1 are skipped.
+// Writes values to the indices in `which`, or in order if `which` is null. Rows with index -1 are skipped.
 extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values,
                                  int rows, int a, int outputs) {
     const u64 row = INDEX;
@@ -50,8 +52,8 @@ extern "C" __global__ void value(const float* said, const unsigned* which, const
         values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
 }
 
-// Maps bootstrap rows to indices of `values`: first the `n` states after the last step, then final states of truncated
-// episodes by step. Values of the steps themselves come before both. Unused rows get -1.
+// Maps bootstrap rows to indices of `values`; unused rows get -1. `values` begins with the values of all steps. Then
+// come those of the `n` states after the last step, then those of final states of truncated episodes, by step.
 extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, int n, int horizon, int slots) {
     const u64 env = INDEX;
     if (env >= n) return;
@@ -78,7 +80,8 @@ extern "C" __global__ void gae(const double* rewards, const unsigned char* ends,
     }
 }
 
-// Column sums over every `parts`-th row, of numbers or of squared distances from `means`.
+// Column sums over every `parts`-th row: of squared deviations from `means`, or of the numbers themselves if `means` is
+// null.
 extern "C" __global__ void columns(const double* rows, const double* means, u64 n, int width, int parts,
                                    double* partial) {
     const u64 i = INDEX, column = i % width;
@@ -91,7 +94,7 @@ extern "C" __global__ void columns(const double* rows, const double* means, u64 
     partial[i] = sum;
 }
 
-// Column means from these partial sums, added in order.
+// Column means from the partial sums of `columns`, added in order.
 extern "C" __global__ void mean(const double* partial, u64 n, int width, int parts, double* out) {
     const u64 column = INDEX;
     if (column >= width) return;

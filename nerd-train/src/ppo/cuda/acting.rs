@@ -10,7 +10,7 @@ fn units(policy: &Policy) -> [f64; 2] {
 }
 
 impl CudaEngine {
-    /// Begins a rollout of a policy; `noise` is the stream of its first step.
+    /// Begins a rollout of a policy; `noise` is the noise stream of the first step.
     pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> DeviceResult {
         let inverse = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect_vec();
         self.net.device.write(&self.weights, &policy.flat)?;
@@ -22,8 +22,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Evaluates the network with the weights at `weights` on `count` rows at `rows`; writes normalised rows to
-    /// `inputs`.
+    /// Normalises `count` observations at `rows` to `inputs`, then evaluates the network on them. `weights`, `rows` and
+    /// `inputs` are addresses.
     pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> DeviceResult {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = args![rows, mean, inverse, inputs, count * width, width, self.net.plan.padded];
@@ -31,13 +31,14 @@ impl CudaEngine {
         self.net.forward_from(inputs, weights, count)
     }
 
-    /// Writes the values of the last evaluation to `to`, at the indices in `which` (0: in order).
+    /// Writes the values of the last evaluation to the address `to`, at the indices stored at `which`. If `which` is 0,
+    /// writes them in order.
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> DeviceResult {
         let (said, units) = (self.net.predictions(), &self.kept.units);
         self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
     }
 
-    /// Refuses data of other sizes than the memory was made for.
+    /// Refuses the data `what` unless `right`: its sizes must be those that the memory was made for.
     pub(super) fn fits(&self, what: &str, right: bool) -> Result<()> {
         let Kept { environments, horizon, .. } = self.kept;
         if !right {
@@ -46,8 +47,8 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Samples the actions of step t from the observations on the device; the noise is stream `later` after the one in
-    /// `kept.noise`.
+    /// Samples the actions of step t from the observations on the device. The number of their noise stream is `later`
+    /// plus the number in `kept.noise`.
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> DeviceResult {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
@@ -66,8 +67,8 @@ impl CudaEngine {
         self.over("act", n, &[&read[..], &written].concat())
     }
 
-    /// Values, by the weights at `weights`, of the states after the last step and of final states of truncated
-    /// episodes.
+    /// Computes the values of states after the last step and of final states of truncated episodes. `weights` is the
+    /// address of the weights.
     pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;
@@ -104,10 +105,10 @@ impl CudaEngine {
     /// advantages are 0.
     pub(super) fn loss_inputs(&self, policy: &mut Policy, advantages: bool) -> Result<()> {
         let n = self.kept.horizon * self.kept.environments;
-        // Columns: advantages, returns.
+        // `both` has two columns: advantages and returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
-        // Old values keep the moments of their prediction: in updated moments, value clipping would compare with values
-        // never predicted.
+        // Normalise old values by the moments that they were predicted with. By the updated moments, value clipping
+        // would compare with values that were never predicted.
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);

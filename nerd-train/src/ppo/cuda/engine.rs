@@ -19,8 +19,8 @@ impl CudaEngine {
         Ok(orders)
     }
 
-    /// Takes the episodes on the solver's device. `None` if they cannot run there; a missing kernel of the task is
-    /// printed.
+    /// The episodes on the solver's device, moved there in the first call. `None` if they cannot run there; a missing
+    /// kernel of the task is printed.
     pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
         Ok(match self.world.take() {
             Some(known) => known,
@@ -30,7 +30,7 @@ impl CudaEngine {
                     tell!("{why}; what is seen goes to the card once a step, and actions come back");
                     None
                 }
-                // The solver's own kernels failed to compile: stepping it reports more.
+                // The solver's own kernels failed to compile: the next step of the solver reports the reason.
                 Err(StepError::Solver(_)) => None,
                 other => other?,
             },
@@ -100,7 +100,7 @@ impl Engine for CudaEngine {
         self.orders = drawn.is_ok().then(|| (config.clone(), key, orders));
     }
 
-    /// On the GPU if the episodes run there, else alternating with them.
+    /// Rolls out on the GPU if the episodes run there. Otherwise policy and episodes take turns.
     fn roll(&mut self, mut on: RolloutInput) -> Result<RolloutStats> {
         let mut world = self.world(on.episodes)?;
         let there = on.episodes.simulation.solver.resident().is_some();

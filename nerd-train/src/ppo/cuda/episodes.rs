@@ -6,7 +6,7 @@ use super::*;
 
 const EPISODES: &str = include_str!("episodes.cu");
 
-/// Episodes of a task that never leave a GPU; ended ones restart at once.
+/// Episodes of a task that never leave a GPU; an ended episode restarts at once.
 pub struct CudaEpisodes {
     episodes: Episodes,
     world: World,
@@ -26,11 +26,11 @@ struct Exchange {
     shown: Arc<Shown>,
 }
 
-/// Results of a step; the addresses stay the same.
+/// Results of a step; their GPU addresses are the same in every step.
 pub struct Shown {
-    /// `[env][observation]`; after an ended episode, the first observation of the next.
+    /// Observations `[env][observation]`; after an ended episode, the first observation of the next episode.
     pub observations: Buffer<f32>,
-    /// `[env][observation]`: final observations of truncated episodes; elsewhere as `observations`.
+    /// Final observations `[env][observation]` of truncated episodes; in other environments equal to `observations`.
     pub reached: Buffer<f32>,
     /// Rewards `[env]`.
     pub rewards: Buffer<f32>,
@@ -44,8 +44,8 @@ impl CudaEpisodes {
     /// Moves episodes to the GPU of their solver, from their start.
     ///
     /// # Errors
-    /// If the solver keeps no batch on a GPU, or a part of task, scene or robot has no kernel. Also without a GPU, or
-    /// without enough memory.
+    /// If the solver keeps no batch on a GPU, or a part of task, scene or robot has no kernel. Also if there is no GPU,
+    /// or not enough memory.
     pub fn new(mut episodes: Episodes) -> Result<Self> {
         let device = Device::open(EPISODES, &["offer", "show"])?;
         let (n, about) = (episodes.len(), episodes.task.about());
@@ -103,7 +103,7 @@ impl CudaEpisodes {
         &self.exchange.shown
     }
 
-    /// Stream of the steps.
+    /// Stream that the steps run on.
     pub fn beside(&self) -> Beside {
         self.exchange.device.beside()
     }

@@ -1,5 +1,5 @@
-// Parts of a PPO update around the network: the loss of loss.rs with its gradient, and Adam's factors. Sums have a
-// fixed order. The prefix ppo avoids names of the network's kernels.
+// Parts of a PPO update around the network: the loss of loss.rs with its gradient, and Adam's factors. All sums have a
+// fixed order. The prefix `ppo` keeps kernel names apart from those of the network.
 
 typedef unsigned long long u64;
 
@@ -23,9 +23,10 @@ __device__ double warp_sum(double x) {
     return x;
 }
 
-// Loss of each row. `said` holds mean and value; the log standard deviation follows there or is in `parameter`. Writes
-// the gradient with respect to these and sums of the terms by block. Stores the present mean and log standard
-// deviation, for the next pass's KL divergence.
+// Loss of each row. A row of `said` holds mean action and value, then the log standard deviation if `parameter` is
+// null. Otherwise `parameter` holds the log standard deviation. Writes the gradient with respect to these three, and
+// sums of the loss terms by block. Stores the present mean and log standard deviation, for the next pass's KL
+// divergence.
 extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order,
                                     const float* actions, const float* neg_log_prob, const float* advantages,
                                     const float* value_targets, const float* values, float* means, float* spreads,
@@ -101,7 +102,8 @@ extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
     partial[blockIdx.x] = sum;
 }
 
-// One block of 7 warps: means of the six terms, gradient norm, Adam's factors, and the next minibatch's learning rate.
+// Computes means of the six loss terms, gradient norm, Adam's factors and the next minibatch's learning rate. Runs in
+// one block of 7 warps.
 extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows,
                                   float max_grad_norm, double target_kl, double beta, double beta2, PassState* s) {
     __shared__ double means[7];

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Number of partial sums over all steps.
+/// Number of partial sums in a sum over all steps.
 pub(super) const PARTS: usize = 1024;
 
 /// Buffers of a rollout that passes do not read.
@@ -11,26 +11,27 @@ pub(super) struct Kept {
     pub horizon: usize,
     pub step: usize,
     pub observations: Buffer<f64>,
-    /// Values in units of reward: of all steps, of the states after the last step, and of final states of truncated
-    /// episodes by step.
+    /// Values in units of reward: first of all steps `[step][env]`, then of the states after the last step `[env]`.
+    /// Last come those of final states of truncated episodes, by step.
     pub values: Buffer<f64>,
     pub both: Buffer<f64>,
-    /// Rewards and ends of steps (`gae.rs`).
+    /// `rewards`: reward of each step. `ends`: whether and how the step ended its episode (`gae.rs`).
     pub rewards: Buffer<f64>,
     pub ends: Buffer<u8>,
-    /// Bootstrap rows, raw and normalised, and indices of their values: states after the last step, then up to `slots`
-    /// final states of truncated episodes for each environment, `[1 + slots][env]`.
+    /// `rows`, `inputs`, `which`: bootstrap rows, raw and normalised, and the indices of their values, each
+    /// `[1 + slots][env]`. The first row of an environment is the state after the last step. Up to `slots` final states
+    /// of truncated episodes follow.
     pub rows: Buffer<f64>,
     pub inputs: Buffer<f32>,
     pub which: Buffer<u32>,
     pub slots: usize,
-    /// Truncated episodes of each environment so far.
+    /// Number of truncated episodes of each environment so far in the rollout.
     pub cuts: Buffer<u32>,
-    /// Clamped actions.
+    /// Actions of the present step, clamped to [-1, 1], `[env][action]`.
     pub actions: Buffer<f32>,
-    /// Noise stream of the first step; kernels add the step.
+    /// Number of the noise stream of the first step; kernels add the number of the step.
     pub noise: Buffer<u64>,
-    /// Mean and inverse scale of observations; mean and scale of returns.
+    /// `seen`: mean and inverse scale of observations. `units`: mean and scale of returns.
     pub seen: [Buffer<f64>; 2],
     pub units: Buffer<f64>,
     pub partial: Buffer<f64>,
@@ -75,7 +76,7 @@ impl Kept {
         Ok(())
     }
 
-    /// Address of the final values of truncated episodes at a step.
+    /// Address of the values of final states, for episodes truncated at a step.
     pub fn cut(&self, step: usize) -> u64 {
         self.values.at((self.horizon + 1 + step) * self.environments)
     }
@@ -94,7 +95,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// For `n` steps, with `padded` inputs and `action` actions each.
+    /// Allocates memory for `n` steps, with `padded` inputs and `action` numbers of an action each.
     pub fn new(device: &Device, n: usize, padded: usize, action: usize) -> DeviceResult<Self> {
         let zeros = |width: usize| device.zeros(n * width);
         Ok(Self {

@@ -1,5 +1,5 @@
-//! [`CudaEngine`]: rollouts and PPO updates on a GPU. Episodes with kernels run there too ([`World`]), and whole
-//! rollouts stay on the GPU. Other episodes exchange observations and actions with the CPU at every step.
+//! [`CudaEngine`]: rollouts and PPO updates on a GPU. Episodes of a task with kernels run on the GPU too ([`World`]),
+//! so that whole rollouts stay there. Other episodes exchange observations and actions with the CPU at every step.
 
 mod acting;
 mod engine;
@@ -28,7 +28,7 @@ pub use shac::CudaShac;
 
 const SOURCE: [&str; 4] =
     [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
-/// Threads of a block, and blocks of the first stage of the gradient norm.
+/// `THREADS`: threads of a block. `SQUARES`: blocks of the first stage of the gradient norm.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
 const TERMS: usize = 6;
@@ -39,7 +39,7 @@ type Orders = Receiver<Vec<u32>>;
 pub struct CudaEngine {
     /// Whether episodes with kernels run on the GPU.
     pub steps_episodes: bool,
-    /// Whether rollouts are differentiated.
+    /// Whether rollouts are differentiated, as SHAC needs.
     returns: bool,
     net: Network,
     shape: Shape,
@@ -69,7 +69,7 @@ impl CudaEngine {
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self> {
         let (own, sizes) = (config.environments, sizes(config));
         let rows = sizes[1];
-        // An observation is a window of one token.
+        // The network sees an observation as a window of one token.
         let plan = Plan::new(shape.program(), 1)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
         // SHAC's backward pass needs all steps at once, and the bootstrap rows.
@@ -116,7 +116,6 @@ impl CudaEngine {
     }
 }
 
-/// Steps of an iteration and of a minibatch.
 /// The solver's batch on the device.
 fn on_card(simulation: &mut Simulation) -> Result<&dyn Resident> {
     match simulation.solver.resident() {
@@ -125,7 +124,7 @@ fn on_card(simulation: &mut Simulation) -> Result<&dyn Resident> {
     }
 }
 
-/// Steps of an iteration and of a minibatch.
+/// Number of steps in an iteration and in a minibatch.
 fn sizes(config: &PpoConfig) -> [usize; 2] {
     [config.steps(), config.minibatch.min(config.steps())]
 }

@@ -7,7 +7,7 @@ use crate::ppo::loss::CRITIC;
 use crate::ppo::update::GRADIENT_NORM;
 
 impl CudaEngine {
-    /// One minibatch: `rows` steps of the permutation from `first` on.
+    /// Runs one minibatch: `rows` steps of the permutation, from index `first` on.
     fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> DeviceResult {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
@@ -35,7 +35,7 @@ impl CudaEngine {
         self.over("adam", n, &args![weights, gradient, m, v, 0_u64, factors, 0_u64, n, 0_u64, b1, b2])
     }
 
-    /// All minibatches of one pass; replays a captured graph from the second pass with the same settings on.
+    /// Runs all minibatches of one pass. From the second pass with the same settings on, replays a captured graph.
     fn pass(&self, config: &PpoConfig) -> DeviceResult {
         self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();

@@ -3,7 +3,7 @@
 use super::*;
 
 impl CudaEngine {
-    /// Steps every environment through a horizon from `running`. Bootstrap values are computed later.
+    /// Steps every environment through a horizon from `running`. `reached` computes the bootstrap values later.
     pub(super) fn stay(
         &mut self,
         world: &mut World,

@@ -6,7 +6,7 @@ use super::*;
 #[repr(C)]
 #[derive(Clone, Copy)]
 struct Fields {
-    /// States, goals, torques; scenes and their indices; faults, memory, failed; frames and begun.
+    /// Addresses: states, goals, torques, scenes, indices of scenes, faults, memory, failed, frames, begun.
     at: [u64; 10],
     key: [u64; 4],
     first: u64,
@@ -33,16 +33,17 @@ pub(super) struct World {
     past: Past,
     /// States after each step, if rollouts are differentiated.
     reached: Option<Buffer<f64>>,
-    /// States at the end of the last rollout; frames per step.
+    /// `states`: states at the end of the last rollout. `step`: frames per step.
     states: Vec<f64>,
     step: usize,
     length: u64,
     n: usize,
 }
 
-/// Ring buffer of stepped frames: states and goals before them, torques in them. Frame k is at index `k % room`.
+/// Ring buffer of stepped frames: states and goals before each frame, torques during it. Frame k is at index
+/// `k % room`.
 struct Past {
-    /// Number of frames that later ones depend on, and how many of these are stored.
+    /// `most`: number of past frames that later frames depend on. `known`: how many of these are stored.
     most: usize,
     known: usize,
     room: usize,
@@ -55,7 +56,7 @@ struct Past {
 
 impl World {
     /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
-    /// device. `back` is the horizon of rollouts that are differentiated.
+    /// device. `back` is the horizon (steps) of rollouts that are differentiated; `None` if none are.
     pub fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) =
             (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
@@ -122,8 +123,7 @@ impl World {
                 device,
             })
         };
-        // Task kernels that do not compile, or no memory left by the solver: the task then runs on the CPU, and the
-        // reason is printed.
+        // If the task's kernels do not compile, or memory runs out, print the reason and run the task on the CPU.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept)?;
         Ok(Some(world))
@@ -142,7 +142,8 @@ impl World {
         self.device.launch_each(kernel, self.n, BLOCK, &[&args![&self.fields], args].concat())
     }
 
-    /// Step t of a rollout under the actions at address `actions`; `judge` holds arguments of the kernel `task_judge`.
+    /// Launches step t of a rollout under the actions at address `actions`. `judge` holds arguments of the kernel
+    /// `task_judge`.
     pub fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> DeviceResult {
         for frame in 0..self.step {
             let [states, torques, goals] = self.past.place(t * self.step + frame);
@@ -153,8 +154,8 @@ impl World {
         self.launch("task_judge", &[judge, &args![reached]].concat())
     }
 
-    /// Key of a captured rollout: address of the world and ring index of its next frame. `None` if rollouts of `steps`
-    /// steps begin at changing indices.
+    /// Key of a captured rollout: address of the world and ring index of the next frame. `None` if successive rollouts
+    /// of `steps` steps begin at different indices of the ring.
     pub fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
         (room == 0 || (steps * self.step).is_multiple_of(room))
@@ -167,14 +168,15 @@ impl World {
         past.known = (past.known + steps * self.step).min(past.most);
     }
 
-    /// The stored frames for the backward pass; addresses of the goals before them and of the states after each step.
+    /// Storage that the backward pass reads: stored frames, then addresses of goals before each frame and of states
+    /// after each step.
     pub fn trail(&self) -> (Trail, [u64; 2]) {
         let Past { room, states, torques, goals, .. } = &self.past;
         let reached = self.reached.as_ref().map_or(0, |reached| reached.ptr);
         (Trail { states: states.ptr, torques: torques.ptr, frames: *room }, [goals.ptr, reached])
     }
 
-    /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
+    /// Launches a kernel of the backward pass in `rows` rows of blocks. `steps` is the address of the kernel's `Steps`.
     pub fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> DeviceResult {
         let args = [&args![&self.fields, steps], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
@@ -195,7 +197,7 @@ impl World {
         Ok(counts[0] as usize)
     }
 
-    /// Snapshot for later steps, as of the end of the last rollout.
+    /// Snapshot of the episodes at the end of the last rollout.
     pub fn snapshot(&self) -> Result<Snapshot, StepError> {
         let d = &self.device;
         let mut kept = Snapshot {
@@ -213,7 +215,7 @@ impl World {
     }
 }
 
-/// States before the last frames of each environment, newest first; zeros for missing frames.
+/// States `[env][frame][state]` before the last `frames` frames, newest first; zeros for missing frames.
 fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
     let (all, d) = (kept.states.len(), kept.states.len() / n.max(1));
     let mut out = vec![0.0; frames * all];
@@ -226,7 +228,7 @@ fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
 }
 
 impl Past {
-    /// Addresses for state, torques and goal of the frame `later` frames ahead; 0 if none is stored.
+    /// Addresses in the ring for state, torques and goal of the frame `later` frames ahead; 0 without a ring.
     fn place(&self, later: usize) -> [u64; 3] {
         let Some(place) = (self.count + later).checked_rem(self.room) else { return [0; 3] };
         let [states, torques, goals] = self.sizes.map(|size| place * size);

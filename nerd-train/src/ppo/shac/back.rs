@@ -4,7 +4,7 @@ use nerd_tasks::{View, Work};
 
 use super::*;
 
-/// Environments per chunk of a thread.
+/// Environments in one parallel chunk.
 const ROWS: usize = 64;
 
 /// Result of the backward pass.
@@ -12,7 +12,7 @@ const ROWS: usize = 64;
 pub(super) struct Found {
     /// Gradients of `-J` with respect to sampled actions, `[step][env][action]`.
     pub by_actions: Vec<f64>,
-    /// J.
+    /// The objective J of the rollout.
     pub earned: f64,
     /// Environments with a frame without finite gradients; all their gradients are 0.
     pub without: Vec<usize>,
@@ -30,15 +30,16 @@ struct Frames<'a> {
     solver: &'a mut dyn Solver,
     batch: Batch,
     torques: Vec<f64>,
-    /// Environments with a frame without gradients, and environments that failed in the present step and have no
-    /// gradient there.
+    /// `without`: environments with a frame that has no gradients. `lost`: environments that failed in the present
+    /// step, so that it has no gradient.
     without: Vec<bool>,
     lost: Vec<bool>,
 }
 
 impl Frames<'_> {
-    /// Replaces gradients with respect to the states after a frame by gradients with respect to the states before.
-    /// Returns gradients with respect to torques. An excluded environment steps a copy of another one.
+    /// Replaces `behind`, gradients with respect to the states after a frame, by gradients with respect to the states
+    /// before it. Returns gradients with respect to torques. In place of an excluded environment, the solver steps a
+    /// copy of another one.
     fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
         let (n, robot) = (self.batch.len(), &self.batch.system.robot);
         let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
@@ -182,7 +183,7 @@ pub(super) fn back(
                 },
             );
         }
-        // Beyond a bound, a gradient that would push the action further out is cut.
+        // For an action beyond a bound, set a gradient that would push the action further out to 0.
         by_action
             .iter_mut()
             .zip(drawn)
@@ -215,7 +216,7 @@ fn numbers(x: &[f32]) -> Vec<f64> {
     x.iter().map(|x| f64::from(*x)).collect()
 }
 
-/// Weight of each step's reward, `[step][env]`: powers of gamma, from 1 at the start of the rollout or episode.
+/// Weight of each step's reward in J, `[step][env]`: powers of gamma, from 1 at the start of the rollout or episode.
 fn shares(ends: &[u8], n: usize, gamma: f64) -> Vec<f64> {
     let mut out = vec![1.0; ends.len()];
     for i in n..out.len() {

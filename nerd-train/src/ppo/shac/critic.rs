@@ -3,7 +3,7 @@
 use super::*;
 
 impl Shac {
-    /// Runs all passes; returns the mean squared error over them.
+    /// Runs all passes over the rollout; returns the mean squared error of normalised values over all minibatches.
     pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> f64 {
         (self.critic.seen, self.critic.returns) = (policy.seen.clone(), policy.returns.clone());
         let (width, a, mut network) = (policy.shape.inputs(), policy.shape.action, self.critic.network());

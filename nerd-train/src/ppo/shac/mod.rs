@@ -1,5 +1,5 @@
-//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy ascends the gradient of its return, found
-//! by backpropagation through its rollouts.
+//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy ascends the gradient of its return.
+//! Backpropagation through rollouts finds this gradient.
 //!
 //! ```text
 //! J = 1 / (N h) sum_env [ sum_t c_t R_t + c_h V'(s_h) ]
@@ -7,13 +7,13 @@
 //! ```
 //!
 //! Actions are `clamp(mu + exp(s) noise)` with the noise held constant, so J is a function of the policy. `back.rs`
-//! computes its gradient through observation, policy, action, solver and reward of every step. No gradient crosses the
-//! end of an episode. A terminal state has value 0; a truncated one bootstraps from V', like the state at the horizon.
-//! `critic.rs` trains a critic on TD(lambda) returns under V'. Each iteration the target critic V' moves 80 % of the
-//! way to that critic. The learning rate falls linearly to a hundredth of the initial one.
+//! computes the gradient of J through observation, policy, action, solver and reward of every step. No gradient crosses
+//! the end of an episode. A terminal state has value 0; a truncated one bootstraps from V', like the state at the
+//! horizon. `critic.rs` trains a critic on TD(lambda) returns under V'. Each iteration the target critic V' moves 80 %
+//! of the way to that critic. The learning rate falls linearly to a hundredth of the initial one.
 //!
-//! The clamp has no gradient beyond the bounds, so a near-deterministic policy could never return from there. Gradients
-//! that point back inside therefore pass (Hausknecht and Stone 2016).
+//! The clamp has no gradient beyond the bounds, so a policy with little noise could never bring an action back.
+//! Therefore a gradient that points back inside the bounds passes the clamp (Hausknecht and Stone 2016).
 
 mod back;
 mod critic;
@@ -27,11 +27,11 @@ use back::{Found, back};
 use steps::Steps;
 use through::{By, through};
 
-/// Betas of Adam, as in the paper.
+/// Betas of Adam, as in Xu et al. 2022.
 pub(super) const BETA: [f64; 2] = [0.7, 0.95];
 /// Share of its previous weights that the target critic V' keeps in an iteration.
 pub(super) const KEPT: f32 = 0.2;
-/// Initial log standard deviation: samples of a wide distribution are clamped and have no gradient.
+/// Initial log standard deviation of actions. A wider distribution has more clamped samples, which have no gradient.
 const SPREAD: f32 = -1.0;
 /// Smallest learning rate, as a share of the initial one.
 const LEAST: f64 = 1e-2;
@@ -40,11 +40,11 @@ const LEAST: f64 = 1e-2;
 pub struct Shac {
     /// Gradient of `-J` of the last rollout with respect to the policy's parameters.
     pub gradient: Vec<f32>,
-    /// J of the last rollout.
+    /// The objective J of the last rollout.
     pub earned: f64,
     pub(super) critic: Policy,
     pub(super) adam: Adam,
-    /// Weights of V'.
+    /// Weights of the target critic V'.
     pub(super) target_critic: Vec<f32>,
     steps: Steps,
     by_actions: Vec<f64>,
@@ -52,7 +52,7 @@ pub struct Shac {
 }
 
 impl Shac {
-    /// For an untrained policy, with its standard deviation narrowed here; `seed` draws the critic's weights.
+    /// Starts from an untrained policy and narrows its standard deviation. `seed` draws the critic's weights.
     ///
     /// # Errors
     /// If the task, the solver or the sensor model has no gradients.
@@ -79,7 +79,7 @@ impl Shac {
         let spread = policy.flat.len() - policy.shape.spread();
         policy.flat[spread..].fill(SPREAD);
         let mut critic = Policy::new(policy.shape.clone(), &mut stream(seed, 0));
-        // Zero output layer: the value starts without a gradient, since a random one would mislead the policy.
+        // A zero output layer gives the initial value no gradient; a random gradient would mislead the policy.
         let (inside, outputs) =
             (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
@@ -88,7 +88,8 @@ impl Shac {
         Ok(Self { gradient, earned: 0.0, critic, adam, target_critic, steps, by_actions, returns })
     }
 
-    /// Sets the learning rates of an iteration and takes the policy's Adam step; returns the gradient norm.
+    /// Sets the learning rates of an iteration and takes the policy's Adam step. Returns the gradient norm before
+    /// clipping.
     pub(super) fn policy_step(
         &mut self,
         policy: &mut Policy,
@@ -99,7 +100,7 @@ impl Shac {
         let gradient = std::mem::take(&mut self.gradient);
         let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
         (adam.learning_rate, self.adam.learning_rate) = (config.learning_rate * left, config.learning_rate * left);
-        // The critic's number of updates so far, derived from the policy's so that it survives a resume.
+        // The critic's number of updates so far, derived from the policy's number, which a checkpoint stores.
         self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
         adam.step(BETA, &mut policy.flat, &gradient)
     }
@@ -111,7 +112,7 @@ impl Shac {
         Updated { terms, gradient_norm: norm.into() }
     }
 
-    /// V' with the moments of this policy.
+    /// The target critic V', with the policy's moments of observations and returns.
     fn value(&self, policy: &Policy) -> Policy {
         Policy { flat: self.target_critic.clone(), ..policy.clone() }
     }
@@ -158,7 +159,7 @@ impl Engine for Shac {
         self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
         self.steps = steps;
         self.gradient = self.by_parameters(policy, 0..self.environments());
-        // Restart these episodes: another rollout from the same state would have no gradients either.
+        // Restart episodes without gradients: another rollout from the same state would have no gradients either.
         without.iter().for_each(|env| running.begin(episodes, *env));
         taken.failed += without.len();
         Ok(taken)

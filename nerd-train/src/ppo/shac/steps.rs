@@ -8,11 +8,11 @@ use crate::ppo::engine::endings;
 /// Records of a rollout, `[step][env]`.
 #[derive(Default)]
 pub(super) struct Steps {
-    /// Stacked observations: `rows` before each step and after the last; `cut` at the end of truncated episodes, in
-    /// order.
+    /// Stacked observations. `rows` are those before each step and after the last step. `cut` are the final ones of
+    /// truncated episodes, in order of step and environment.
     pub rows: Vec<f64>,
     pub cut: Vec<f64>,
-    /// Sampled actions, before the clamp, and their means.
+    /// `drawn`: sampled actions before the clamp. `mean`: mean actions of the policy.
     pub drawn: Vec<f32>,
     pub mean: Vec<f32>,
     pub rewards: Vec<f64>,

@@ -2,11 +2,11 @@
 
 use super::*;
 
-/// Rows per task of a thread, at least, and largest number of tasks.
+/// Least number of rows per parallel task, and largest number of tasks.
 const ROWS: usize = 64;
 const PARTS: usize = 256;
 
-/// Variables of a gradient: raw observations or parameters.
+/// What a gradient is taken with respect to: raw observations or parameters.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum By {
     Rows,
@@ -14,8 +14,8 @@ pub(super) enum By {
 }
 
 /// Gradients through a network, with respect to raw observations or to parameters, summed in order. For each row, `say`
-/// reads the outputs, writes the gradient with respect to them and returns a number. Also returns the sum of these
-/// numbers.
+/// reads the outputs, writes the gradient with respect to these outputs and returns a number. Also returns the sum of
+/// these numbers.
 pub(super) fn through(
     policy: &Policy,
     network: &Loaded,

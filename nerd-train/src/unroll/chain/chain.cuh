@@ -1,5 +1,5 @@
-// Rollouts of chains and the gradient of their loss in f64, as in mod.rs, view.rs and loss.rs: a block per rollout, a
-// thread per rod. Beside the constants of nerd_model's chain.cuh, the host defines SHARE, BY_RATE, BY_SPEED and
+// Rollouts of chains and the gradient of their loss in f64, as in mod.rs, view.rs and loss.rs. A rollout has a block, a
+// rod has a thread. Beside the constants of nerd_model's chain.cuh, the host defines SHARE, BY_RATE, BY_SPEED and
 // BY_LED[12], the units of errors, and ASTRAY.
 
 #ifdef __CUDACC_RTC__
@@ -29,7 +29,7 @@ FN V3 unseen(const View& v, V3 a) {
 FN V3 turned(const View& v, V3 a) { return v3(a.x * v.mirror, a.y, a.z * v.mirror); }
 FN V3 home() { return read3(HOME); }
 
-// The true chain k frames after the rollout's first, in its view.
+// The true chain k frames after the rollout's first frame, transformed by the rollout's view.
 FN void truth(const Rollout& r, const Motions& m, int k, double* chain) {
     const double* row = m.truths + ((long long)r.motion * (m.frames + 1) + (long long)r.frame + k) * CHAIN;
     EACH(i, 2 * RODS) write3(chain + GRIPPER + 3 * i, seen(r.view, read3(row + GRIPPER + 3 * i)));
@@ -54,7 +54,7 @@ FN void led(const Rollout& r, const Motions& m, int k, const double* chain, doub
     SYNC;
 }
 
-// Ends of rods and their velocities, `[2][RODS][3]`.
+// Positions of rod ends (m), then their velocities (m/s), `[2][RODS][3]`.
 FN void nodes(const double* chain, double* ends) {
     EACH(c, 6) {
         const int of = c / 3, i = c % 3;
@@ -181,7 +181,8 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
         const double by_soon = row[16] * (1 - soon * soon) / (0.75 * RADIUS);
         const double by_gap = 20.0 * row[12] - row[13] * exp(-size(gap) / RADIUS) / RADIUS
                               + row[14] * (1 - sharp * sharp) * 4 / RADIUS + by_soon;
-        // Normals are held constant. Beyond reach they are zero, and nothing depends on the gap.
+        // Normals count as constant. For a rod out of reach of all surfaces, the normal is zero and nothing depends on
+        // the gap.
         write3(ends + 3 * k, normal * by_gap);
         write3(ends + 3 * (RODS + k), v3(row[6], row[7], row[8]) * 0.5 + normal * (0.5 * row[15] + by_soon * FRAME));
     }
@@ -205,7 +206,7 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
     SYNC;
 }
 
-// Loss of frame k, from 1; adds its gradient to `gradient`. Overwrites `ends` and `true_ends`.
+// Loss of frame k (counted from 1); adds its gradient to `gradient`. Overwrites `ends` and `true_ends`.
 FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight,
                double* gradient) {
     OF_BLOCK double parts[RODS + 1];
@@ -243,8 +244,8 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
-// Adds the upstream gradient of `later` later frames to the frame's gradient, clipped to `later` times that gradient's
-// norm.
+// Adds the upstream gradient of `later` later frames to the frame's gradient. The upstream gradient is clipped to
+// `later` times the norm of the frame's gradient.
 FN void join(const double* behind, int later, double* gradient) {
     OF_BLOCK double squares[2];
     EACH(c, 2) {

@@ -1,4 +1,5 @@
-// Kernels of an update. Chains are `[H + 1][n][CHAIN]`, all other data of rollouts `[n]`.
+// Kernels of an update. States of the n chains are `[H + 1][n][CHAIN]` in an update of H frames; all other data of
+// rollouts are `[n]`.
 
 FN void load(const double* from, double* to, int n) { EACH(i, n) to[i] = from[i]; SYNC; }
 FN void store(const double* from, double* to, int n) { SYNC; EACH(i, n) to[i] = from[i]; }

@@ -4,8 +4,8 @@ use nerd_model::chain::ChainSolver;
 
 use super::*;
 
-/// Mean distance (m) of nodes from the truth, rolled out by the solver over every whole motion. Infinite if a motion
-/// fails.
+/// Mean distance of predicted nodes from the true nodes (m), over rollouts of all whole motions. Infinite if the solver
+/// fails in a motion.
 ///
 /// # Errors
 /// If the robot is not a chain, or the network is not for its number of rods.
@@ -26,19 +26,20 @@ pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, norm
             let [reached, truth] = [batch.state(i), motions.state(i, frame + 1)].map(|state| chain.rods(state));
             apart(&chain, &reached, &truth) / chain.rods as f64
         };
-        // Sum in order: the same bits on any number of threads.
+        // Sum in order, so that the bits do not depend on the number of threads.
         total += (0..motions.len()).into_par_iter().map(off).collect::<Vec<_>>().iter().sum::<f64>();
     }
     Ok(total / (motions.len() * motions.frames) as f64)
 }
 
-/// Sum of the distances of nodes (m).
+/// Sum over all nodes of the distance between their positions in `a` and in `b` (m).
 pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
     let ([a, _], [b, _]) = (chain.nodes(a), chain.nodes(b));
     a.iter().zip(&b).map(|(a, b)| (a - b).norm()).sum()
 }
 
-/// Relative error of a network in the change of rates over single frames, at `frames` evenly spaced frames.
+/// Error of predicted rod rates after one frame, relative to their true change over the frame. Taken at `frames` evenly
+/// spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
     ratio(motions, frames, Memory::default, |memory, motion, frame| {
         let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));

@@ -1,26 +1,27 @@
 //! Loss of predicted rods.
 //!
-//! With `p(e) = sqrt(1 + e^2) - 1`, means over the numbers of each term, and `q = 2 f sqrt k` in frame k of a rollout:
-//! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`. Errors are dt and dtd of rod
-//! directions and rates, dx and dv of nodes and their velocities, dg of the gripper. T is the frame time, A the mean
-//! change of rates, V the mean change of node velocities. G is the mean error of the gripper's glide. Errors grow along
-//! a rollout, and q grows with them.
+//! The loss is `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`. Here
+//! `p(e) = sqrt(1 + e^2) - 1`, each term is a mean over its numbers, and `q = 2 f sqrt k` in frame k of a rollout.
+//! Errors of rod directions and rates are dt and dtd (1/s). Errors of node positions and velocities are dx (m) and dv
+//! (m/s); dg is the gripper's error. T is the frame time (s). A (1/s) and V (m/s) are the mean changes of rates and of
+//! node velocities over a frame. G is the mean error of the gripper's glide. Errors grow along a rollout, and q grows
+//! with them.
 
 use super::*;
 
-/// Share f of a frame's mean change that is an error of 1: for single frames, and for rollouts.
+/// Unit of errors, as a share f of the mean change over a frame: for single frames, and for rollouts.
 const SHARE: [f64; 2] = [0.1, 0.2];
 
-/// Units of errors.
+/// Units of the errors in the loss.
 #[derive(Clone, Copy, Debug)]
 pub struct Loss {
     /// Mean change of rates over a frame (1/s).
     pub rate: f64,
     /// Mean change of node velocities over a frame (m/s).
     pub velocity: f64,
-    /// Mean error of the gripper's glide (m, m/s, rad, rad/s).
+    /// Mean error of the gripper's glide, its motion under its drives alone (m, m/s, rad, rad/s).
     pub gripper: [f64; 12],
-    /// Share f of a frame's mean change that is an error of 1.
+    /// Unit of errors, as a share f of the mean change over a frame.
     pub share: f64,
 }
 
@@ -55,7 +56,8 @@ impl Loss {
     }
 }
 
-/// Mean loss over the numbers of vectors; adds its gradient to `gradient`.
+/// Mean loss over the numbers of the vectors `a` against `b`, times `weight`. Adds its gradient with respect to `a` to
+/// `gradient`.
 fn vectors(a: &[Vector3<f64>], b: &[Vector3<f64>], unit: f64, weight: f64, gradient: &mut [Vector3<f64>]) -> f64 {
     let weight = weight / (3 * a.len()) as f64;
     let one = |((a, b), gradient): ((&Vector3<f64>, &Vector3<f64>), &mut Vector3<f64>)| {

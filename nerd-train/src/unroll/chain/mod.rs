@@ -16,7 +16,7 @@ pub use view::View;
 use super::*;
 use judge::{apart, missed};
 
-/// Numbers of a rollout's row, see `Cable::row`.
+/// Length of a rollout's row, see `Cable::row`.
 pub const ROLLOUT: usize = 7;
 /// Mean distance (m) of nodes from the truth beyond which a rollout restarts.
 const ASTRAY: f64 = 0.03;
@@ -26,7 +26,7 @@ const ASTRAY: f64 = 0.03;
 pub struct Cable {
     /// Constants of the chain.
     pub chain: Chain,
-    /// Size of one unit of each network output ([`scales`]).
+    /// Scale of each network output: what an output of 1 means ([`scales`]).
     pub scale: [f64; OUTPUTS],
     /// Loss, with its units.
     pub loss: Loss,
@@ -103,7 +103,7 @@ impl Body for Cable {
         gradient: &mut Rods,
         (): &mut (),
     ) {
-        // The gripper's glide passes a gradient, too.
+        // The gripper's glide, its motion under its drives alone, passes a gradient too.
         let mut glided: Gripper = look.tokens_back(&self.chain, before, by_tokens, gradient);
         glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, g)| *x += g);
         let led = self.chain.glide_back(&glided);
@@ -119,9 +119,9 @@ impl Body for Cable {
     }
 }
 
-/// Device side, in f64.
+/// Data and source of the kernels, which compute in f64.
 impl Cable {
-    /// Numbers of a state on a device.
+    /// Length of a chain's state on the device (numbers).
     pub fn width(&self) -> usize {
         numbers(&self.chain)
     }

@@ -8,8 +8,9 @@ const LEAST: f64 = 1e-9;
 
 /// Scales of a network's outputs, and the mean change of node velocities over a frame (m/s).
 ///
-/// Scales of a rod are twice the mean change of rate and twice the trapezoid rule's mean error of direction. Scales of
-/// the gripper are the mean errors of its glide.
+/// A rod's outputs have two scales: twice the mean change of its rate (1/s), and twice the trapezoid rule's mean error
+/// of its direction. The scales of the gripper's outputs are the mean errors of its glide, its motion under its drives
+/// alone.
 pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     let total = motions.len() * motions.frames;
     let step = total.div_ceil(FRAMES).max(1);
@@ -28,8 +29,8 @@ pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
     (Normalizer { inputs: Moments::identity(INPUTS), outputs }, mean[2])
 }
 
-/// Mean absolute values in one frame: change of rates, trapezoid error of directions, change of node velocities, errors
-/// of the glide.
+/// Mean absolute values in one frame. In order: change of rod rates (1/s), the trapezoid rule's error of rod
+/// directions, change of node velocities (m/s), errors of the gripper's glide.
 fn sizes(chain: &Chain, motions: &Motions, motion: usize, frame: usize) -> [f64; 15] {
     let (before, after) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
     let mut sizes = [0.0; 15];

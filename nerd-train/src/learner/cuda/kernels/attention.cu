@@ -46,8 +46,8 @@ __device__ __forceinline__ void load_qkv(float* s, const float* qkv, u64 base, i
     }
 }
 
-// Row of key number n = 0 .. B - 1 of query i: counted from the start of the window, or in a band back from the query.
-// Key n exists if n <= i.
+// Row of key number n = 0 .. B - 1 of query i: counted from the start of the window, or in banded attention back from
+// the query. Key n exists if n <= i.
 __device__ __forceinline__ int key(int i, int n) { return ROTARY ? i - n : n; }
 
 // Rotates columns c and c + D / 2 of a row by the angles of position i, forwards (sign 1) or back (-1). turns is
@@ -121,7 +121,7 @@ extern "C" __global__ void attention_forward(const float* qkv, float* out, const
     }
 }
 
-// dqkv from qkv and the gradient of the attention's output; the probabilities are computed again.
+// Gradient dqkv from qkv and the gradient g of the attention's output; computes the probabilities p again.
 // ds_ij = p_ij (g_i . v_j - sum_j p_ij g_i . v_j) / sqrt(D); dq_i = ds_ij k_j; dk_j = ds_ij q_i; dv_j = p_ij g_i.
 extern "C" __global__ void attention_backward(const float* qkv, const float* gradient, float* dqkv,
                                               const float2* turns) {

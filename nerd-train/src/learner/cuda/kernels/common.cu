@@ -1,6 +1,6 @@
 // Kernels that every program needs. The source of a program, compiled at run time, joins the files of its operations.
-// Its shapes are constants in front: T tokens in a window, IN inputs, LDX padded inputs, OUT outputs. All arrays are
-// f32 and row-major. Every sum has a fixed order (no float atomics), so equal inputs give equal bits.
+// Constants at the start of the source are T tokens in a window, IN inputs, LDX padded inputs and OUT outputs. All
+// arrays are f32 and row-major. Every sum has a fixed order (no float atomics), so equal inputs give equal bits.
 
 typedef unsigned long long u64;
 
@@ -58,8 +58,8 @@ extern "C" __global__ void select_rows(const float* x, const unsigned* last, flo
 
 // ---------------------------------------------------------------- linear
 
-// Folds a scale into the rows of its matrix: W'[i][j] = w[i] W[i][j]. One block per row; table: offsets of the row of
-// W, of w[i] and of the row of W', and number of columns.
+// Folds a scale into the rows of its matrix: W'[i][j] = w[i] W[i][j]. One block per row. A row of `table` has the
+// offsets of the row of W, of w[i] and of the row of W', then the number of columns.
 extern "C" __global__ void fold(const float* flat, float* folded, const int4* table) {
     const int4 t = table[blockIdx.x];
     const float w = flat[t.y];

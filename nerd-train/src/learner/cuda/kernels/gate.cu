@@ -3,7 +3,7 @@
 
 __device__ __forceinline__ float share(float x) { return 0.5f + 0.5f * erff(x * 0.70710678118654752f); }
 
-// Index in x of the a for entry i of y; its b is `half` further on.
+// Index in x of the number a for entry i of y; the number b lies `half` entries after a.
 __device__ __forceinline__ u64 first(u64 i, int half) { return i / half * 2 * half + i % half; }
 
 extern "C" __global__ void gate_forward(const float* x, float4* y, int half, u64 quads) {

@@ -7,8 +7,8 @@ extern "C" __global__ void square_partial(const float* g, u64 n, float* partial)
     if (threadIdx.x == 0) partial[blockIdx.x] = sum;
 }
 
-// Launched as one block of 256: gradient norm, clip factor, bias corrections, decay of the average, progress; counts
-// the update.
+// Computes gradient norm, clip factor, bias corrections and decay of the average, adds to the progress and counts the
+// update. Launched as one block of 256 threads.
 extern "C" __global__ void finish(const float* partial, int count, const float* squares, float mean, float clip,
                                   double average, double beta, Scalars* s) {
     __shared__ double part[256];
@@ -40,9 +40,9 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam and moving average `a`, for training and PPO, of parameters outside Muon. factors: clip, rate, root of the
-// second correction, blend of the average. `a`, `hidden` and `bad` may be null. After a loss that is not finite, the
-// weights stay as they were.
+// Clips the gradient and updates parameters outside Muon by Adam, and their moving average `a`; for training and PPO.
+// `factors` are clip, rate, root of the second correction and blend of the average. `a`, `hidden` and `bad` may be
+// null. After a loss that is not finite, the weights stay as they were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors,
                                 const u64* bad, u64 n, const unsigned char* hidden, double first, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;

@@ -26,7 +26,8 @@ pub(super) struct BackwardPass {
     pushed: Buffer<f64>,
     _kept: [Buffer<f64>; 2],
     by_spread: Buffer<f32>,
-    /// J by environment, and whether an environment had a frame without finite gradients.
+    /// `earned`: part of J by environment. `without`: nonzero for an environment that had a frame without finite
+    /// gradients.
     pub earned: Buffer<f64>,
     pub without: Buffer<u32>,
     scale: f64,
@@ -40,7 +41,7 @@ pub(super) struct Rolled<'a> {
     pub world: &'a World,
     pub resident: &'a dyn Resident,
     pub config: &'a PpoConfig,
-    /// Address of the weights of V'.
+    /// Address of the weights of the target critic V'.
     pub target_critic: u64,
 }
 
@@ -96,7 +97,8 @@ impl BackwardPass {
         })
     }
 
-    /// Evaluates V': computes J, the gradient of `-J` with respect to bootstrap rows, advantages and returns.
+    /// Evaluates V' and computes J, the gradient of `-J` with respect to bootstrap rows, the advantages and the
+    /// returns.
     pub fn value(&self, of: Rolled) -> DeviceResult {
         self.replays[0].run(&of.engine.net.device, "values", (), || self.values(of))
     }

@@ -1,7 +1,8 @@
 // Kernels of SHAC's backward pass beside task, solver and networks, as in shac/back.rs.
 
-// Per environment, over its steps: weights of rewards, index of a step's bootstrap row (-1 if none; rows as in
-// `reached`), and J. Writes the gradient of -J with respect to the outputs of V' on bootstrap rows.
+// Computes for each environment the weights of its rewards, the index of each step's bootstrap row, and its part of J.
+// The index is -1 for a step without a bootstrap row; rows are ordered as in `reached`. Writes the gradient of -J with
+// respect to the outputs of V' on bootstrap rows.
 extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char* ends, const double* values,
                                       const double* units, double* shares, int* asked, float* by, double* earned,
                                       unsigned* without, int n, int horizon, int slots, int a, int outputs,
@@ -29,7 +30,7 @@ extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char
     without[env] = 0;
 }
 
-// Moves the target critic towards the critic.
+// Moves the target critic's weights towards those of the critic, w; keeps the share `kept` of the old ones.
 extern "C" __global__ void shac_follow(float* target_critic, const float* w, float kept, u64 n) {
     const u64 i = INDEX;
     if (i < n) target_critic[i] = kept * target_critic[i] + (1.0f - kept) * w[i];

@@ -1,5 +1,5 @@
 //! [`CudaShac`]: SHAC with rollouts, backward passes and critic on a GPU. Each iteration downloads rewards, ends and
-//! the gradient; the CPU takes the policy's step. Episodes without kernels use the CPU's engine, [`Shac`].
+//! the gradient; the CPU takes the policy's Adam step. Episodes without kernels use the CPU's engine, [`Shac`].
 
 mod backward;
 
@@ -97,7 +97,8 @@ impl CudaShac {
         Ok(())
     }
 
-    /// Trains the critic on the returns of the rollout and moves V'; returns the mean squared error.
+    /// Trains the critic on the returns of the rollout and moves V'. Returns the mean squared error of normalised
+    /// values.
     fn learn(&mut self, policy: &mut Policy, config: &PpoConfig, orders: StreamKey) -> Result<f64> {
         let (config, Self { engine, critic, shac, .. }) = (of_critic(config), self);
         let orders = engine.orders(&config, orders)?;
@@ -173,7 +174,7 @@ impl Engine for CudaShac {
     }
 
     fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
-        // The caller may change them, so the device's copy becomes stale.
+        // The caller may change these vectors, so the device's copy becomes stale.
         if std::mem::take(&mut self.critic.loaded) {
             let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
             let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
