@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use chrono::Utc;
 use serde::{Deserialize, Serialize};
 
-/// Read once, so that edits during a long command do not change the recorded commit.
+/// Commit of the checkout, read once: edits during a long command do not change the recorded commit.
 static COMMIT: LazyLock<String> = LazyLock::new(commit);
 
 /// Commit, command, seed, machine and date of a result.
@@ -17,11 +17,11 @@ pub struct Provenance {
     pub commit: String,
     /// The command line.
     pub command: String,
-    /// Seed.
+    /// Seed of the run.
     pub seed: u64,
     /// GPU if there is one, processor, cores.
     pub machine: String,
-    /// Day, UTC.
+    /// Date of the result (UTC).
     pub date: String,
 }
 

@@ -11,7 +11,7 @@ use crate::prelude::*;
 pub const SCRIPT: &str = include_str!("replay.js");
 const PAGE: &str = include_str!("replay.html");
 
-/// The data of a page. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
+/// The data of a page. A pose is a position (m), then a quaternion x y z w, in world axes.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Replay {
     /// Title above the picture.
@@ -28,9 +28,9 @@ pub struct Replay {
     pub shapes: Vec<Solid>,
     /// Motions: the first is solid, the others are ghosts.
     pub tracks: Vec<Track>,
-    /// Goal by frame, if the task has a place as goal (m).
+    /// Goal position (m) by frame, if the task's goal is a place.
     pub goals: Vec<Vec<f32>>,
-    /// Return so far by frame, if there is one.
+    /// Sum of rewards so far, by frame; empty if the motion has no rewards.
     pub rewards: Vec<f32>,
     /// Mean distance (m) of the contact points in the first two motions, by frame; empty before [`Replay::compare`].
     pub apart: Vec<f32>,
@@ -58,7 +58,7 @@ pub struct Ground {
     pub heights: Vec<f32>,
     /// Position of the first node at height 0 (m).
     pub origin: [f64; 3],
-    /// Axes x, y, up.
+    /// Unit vectors of the grid's axes x, y, up, in world axes.
     pub axes: [[f64; 3]; 3],
 }
 
