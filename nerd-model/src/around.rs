@@ -1,12 +1,12 @@
-//! The computation around the network of a one-token robot: outputs to the change of the state, and the adjoint of a
-//! frame.
+//! The computation around a robot's network: from outputs to the change of the state, and the adjoint of a frame for a
+//! network that reads one token.
 
 use crate::gradients::{Seen, apply_back, token_back};
 use crate::prelude::*;
 use crate::trapezoid;
 use crate::{base::Base, features::Features, form::Form, normalizer::Normalizer};
 
-/// Meaning of a robot's tokens and predictions.
+/// What gives a robot's tokens and predictions their meaning.
 #[derive(Clone)]
 pub struct Around {
     /// The robot.

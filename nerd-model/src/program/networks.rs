@@ -108,7 +108,8 @@ pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program
     p
 }
 
-/// Distance of the mixed rods, block by block: after eight blocks each of forty rods depends on all others.
+/// Distance (rods) of the neighbours that each block mixes. After eight blocks, each of forty rods depends on all
+/// others.
 const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 
 /// A network along a chain, with the rods of one frame as tokens ([`crate::chain`]).

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Rows of one width, one per token.
+/// Index of a slot, a matrix of activations with one row per token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot(pub usize);
 
@@ -24,7 +24,7 @@ pub enum Activation {
     Elu,
 }
 
-/// Operation of a step, from x of the slot it reads to y of the slot it writes.
+/// Operation of a step, from x, the slot that it reads, to y, the slot that it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
     /// `y = x diag(scale) W + bias`, or `y += ...` if `add`. `scale` is the weight of the preceding layer norm; engines
@@ -32,9 +32,9 @@ pub enum Op {
     Linear {
         /// W, `[in, out]`.
         weight: Weight,
-        /// `[in]`.
+        /// Scale of each input, `[in]`.
         scale: Option<Weight>,
-        /// `[out]`.
+        /// Bias of each output, `[out]`.
         bias: Option<Weight>,
         /// Whether to add to y.
         add: bool,
@@ -48,11 +48,11 @@ pub enum Op {
     Attend {
         /// Number of heads. Each head has an equal part of the columns of q, k and v.
         heads: usize,
-        /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: all tokens of the
-        /// window up to itself, without rotation.
+        /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: a token attends to
+        /// all tokens of the window up to itself, without rotation.
         band: Option<usize>,
     },
-    /// `y_k = [x_{k-d} x_k x_{k+d}]`, d tokens apart in a window, zeros beyond its ends.
+    /// `y_k = [x_{k-d} x_k x_{k+d}]`, with tokens d apart in a window, and zeros beyond the window's ends.
     Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
@@ -175,7 +175,7 @@ pub enum Init {
     Normal(f64),
     /// Uniform in +-1/sqrt(fan_in), the usual initialisation of a linear layer.
     FanIn(usize),
-    /// Constant.
+    /// The same value for every entry.
     Constant(f64),
 }
 

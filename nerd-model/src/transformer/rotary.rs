@@ -1,7 +1,8 @@
 //! [`Stream`] for rotary positions on the CPU: caches keys and values of old tokens and computes one token per frame.
 //!
-//! Keys and queries are rotated once, by their position since the last clear, so their product depends only on
-//! distance. The angle is stored as a unit vector that every frame rotates, so it never loses precision.
+//! Keys and queries are rotated once, by their position since the last clear. So the product of a query and a key
+//! depends only on their distance in time. The angle is stored as a unit vector that every frame rotates, so it never
+//! loses precision.
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -22,7 +23,7 @@ pub struct PackedStream {
 struct Network {
     config: TransformerConfig,
     loaded: Loaded,
-    /// Cosine and sine of a frame's rotation, `[d / 2]`.
+    /// Cosine and sine of the rotation in one frame, `[d / 2]`.
     turn: Vec<(f64, f64)>,
     /// Floats in the cache of a layer.
     ring: usize,

@@ -171,7 +171,7 @@ impl Ring<'_> {
     #[inline(always)]
     pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[f32], shares: &mut Vec<f32>, out: &mut [f32]) {
         if self.history == 1 {
-            // A token that attends to itself alone returns its value.
+            // Attention over the new token alone returns that token's value.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
         }
         let (e, d, width) = (out.len(), out.len() / heads, width(self.history));

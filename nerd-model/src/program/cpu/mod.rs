@@ -184,7 +184,7 @@ impl Loaded {
         values[from.0] = x;
     }
 
-    /// Drops rows without needed predictions once tokens mix no more.
+    /// Drops rows whose predictions are not needed, once no later step mixes tokens.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
         let Pass::Windows(_, rows) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
@@ -212,7 +212,7 @@ fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| add(x, row));
 }
 
-/// Adds numbers to as many sums.
+/// Adds each number to the sum at the same index.
 pub fn add<T: Copy + AddAssign>(sums: &mut [T], numbers: &[T]) {
     sums.iter_mut().zip(numbers).for_each(|(sum, x)| *sum += *x);
 }
