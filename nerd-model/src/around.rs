@@ -1,5 +1,5 @@
-//! The computation around a robot's network: from outputs to the change of the state, and the adjoint of a frame for a
-//! network that reads one token.
+//! The computation around a robot's network: from outputs to the change of the state. The adjoint of a frame is for
+//! networks that read one token.
 
 use crate::gradients::{Seen, apply_back, token_back};
 use crate::prelude::*;

@@ -1,8 +1,9 @@
 //! Tokens and targets of the network (paper A.1): all in the robot's root frame, computed in f64, then cast to f32.
 //!
-//! A token of a robot with C contact points, or with a free base: `[state, normals (3 C), scene points (3 C), depths
-//! (C), torques, gravity direction (3)]`, all in the frame B of the root. Quantities of a contact are masked to zero at
-//! distances of `xi` (m) or more, the threshold of the contact point. For any other robot: `[state, torques]`.
+//! A token of a robot with C contact points, or with a free base:
+//! `[state, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, all in the frame B of the
+//! root. Quantities of a contact are masked to zero at distances of `xi` (m) or more, the threshold of the contact
+//! point. A token of any other robot: `[state, torques]`.
 //!
 //! [`View::Moving`] adds velocities of contact points (3 C, m/s), masked likewise, after the depths. Nearness of each
 //! contact point now and one frame later (2 C) follows; it is 1 beyond `xi`. After gravity come the x and y axes of
@@ -250,8 +251,8 @@ impl Features {
     }
 }
 
-/// Number of entries that a joint's sine and cosine add to a token of [`View::Moving`]: one for a wrapping angle, two
-/// for another hinge.
+/// Number of entries that a joint's sine and cosine add to a token of [`View::Moving`]. A wrapping angle adds one,
+/// another hinge two.
 pub(crate) fn waves(joint: &Joint) -> usize {
     if joint.wraps() { 1 } else { 2 * usize::from(joint.kind != JointKind::Prismatic) }
 }

@@ -55,8 +55,8 @@ impl Frame {
         self.around.normalizer.inputs.normalize(token);
     }
 
-    /// Applies predictions to the states of the environments from `first` on. Writes the next states to `next[env][q,
-    /// qd]`.
+    /// Applies predictions to the states of the environments from `first` on. Writes the next states to `next`,
+    /// `[env][q, qd]`.
     pub fn apply(&mut self, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
         let d = self.change.len();
         for (env, (prediction, next)) in (first..).zip(predictions.chunks_exact(d).zip(next.chunks_exact_mut(d))) {

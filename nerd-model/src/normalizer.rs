@@ -3,7 +3,7 @@
 //! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are scaled back. The statistics run over all windows of h
 //! tokens, so a token inside a trajectory counts up to h times.
 //!
-//! The paper's epsilon of 1e-5 is absolute: a target whose standard deviation is below 3e-3 of its unit has less weight
+//! The paper's epsilon of 1e-5 is absolute. A target whose standard deviation is below 3e-3 of its unit has less weight
 //! in the loss. So each run chooses its epsilon, which is stored with the moments.
 
 use serde::{Deserialize, Serialize};

@@ -242,7 +242,7 @@ impl Measured {
     }
 
     /// Cuts pieces to evaluate a network. A piece has the history that the network reads, then the robot's [`horizon`];
-    /// both are cut to the median trajectory.
+    /// both are shortened to fit into the median trajectory.
     pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
         let most_have = median(part.iter().map(self::frames));
         let before = (network.reach() - 1).min(most_have / 2);

@@ -1,7 +1,7 @@
 //! Learning rate over a run of N updates.
 //!
 //! `lr(s) = start + (end - start) s / N`; during the w updates of the warm-up it is multiplied by `(s + 1) / w`. The
-//! paper's rate is `1e-3 (1 - e/1000) + 1e-4 e/1000` in epoch e of 5000 updates; here the rate changes at every update.
+//! paper's rate is `1e-3 (1 - e/1000) + 1e-4 e/1000` in epoch e of 5000 updates. Here the rate changes at every update.
 
 use crate::prelude::*;
 

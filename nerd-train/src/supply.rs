@@ -1,6 +1,6 @@
 //! Replaces the oldest shards of a run's data with fresh shards, recorded in the background.
 //!
-//! A network that sees ten million transitions seventy times overfits: a pendulum's loss was 8e-4 on its training data
+//! A network that sees ten million transitions seventy times overfits. A pendulum's loss was 8e-4 on its training data
 //! and 4e-3 on new data. The settings alone determine which update replaces which shard, so a resumed run sees the same
 //! data. If recording is too slow, the learner waits.
 

@@ -52,8 +52,8 @@ enum Line {
     Validation { step: u64, loss: f32, criterion: f64, best: bool, risen: Option<usize> },
 }
 
-/// A rise of the validation loss counts from this many validations after the smallest loss on, above this multiple of
-/// that loss.
+/// A rise of the validation loss counts from this many validations after the smallest loss on. The loss must exceed
+/// this multiple of the smallest.
 const RISE: (usize, f32) = (3, 1.02);
 
 /// How a run ended.

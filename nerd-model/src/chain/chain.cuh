@@ -83,7 +83,7 @@ FN Ahead ahead(const double* gripper, const double* glided) {
     return a;
 }
 
-// Normal and gap (m) of the surface nearest to a position; beyond REACH the normal is 0 and the gap is REACH. Returns
+// Normal and gap (m) of the surface nearest to a position. Beyond REACH the normal is 0 and the gap is REACH. Returns
 // 0, or LOST if a distance is NaN.
 FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double& gap) {
     double nearest = infinite();

@@ -27,8 +27,8 @@ impl Gripper {
         [&mut self.at, &mut self.velocity, &mut self.angles, &mut self.rates].into_iter().flat_map(|v| v.iter_mut())
     }
 
-    /// Direction t of the gripper's x axis (world, unit length), then its rate (1/s). For yaw y and pitch p, `t = (cos
-    /// y cos p, sin y cos p, -sin p)`.
+    /// Direction t of the gripper's x axis (world, unit length), then the rate of t (1/s). For yaw y and pitch p,
+    /// `t = (cos y cos p, sin y cos p, -sin p)`.
     pub fn points(&self) -> [Vector3<f64>; 2] {
         let [t, by_yaw, by_pitch, ..] = self.gradients();
         [t, by_yaw * self.rates.x + by_pitch * self.rates.y]

@@ -1,6 +1,6 @@
 // Kernels of a frame and its adjoint, one thread per environment. States are `[env][STATE]`, torques `[env][NJ]`.
-// Gradients with respect to next states, and the results, are `[env][rows]`; a launch computes row `row`.
-// `gradients_look` writes tokens of `n` states, frame by frame, with `envs` environments in each frame.
+// Gradients with respect to next states, and with respect to states and torques, are `[env][rows]`; a launch computes
+// row `row`. `gradients_look` writes tokens of `n` states, frame by frame, with `envs` environments in each frame.
 
 #define EACH                                                   \
     const int env = blockIdx.x * blockDim.x + threadIdx.x;     \

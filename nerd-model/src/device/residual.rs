@@ -1,5 +1,5 @@
-//! A residual network as one kernel, `whole_pass`, with f16 matrix products on tensor cores: the kernel's text, and the
-//! weights in the order in which it reads them.
+//! A residual network as one kernel, `whole_pass`, with f16 matrix products on tensor cores. This file makes the
+//! kernel's text, and puts the weights in the order in which the kernel reads them.
 
 use std::borrow::Cow;
 

@@ -103,8 +103,8 @@ FN void exponential(V3 u, double* q) {
     q[3] = cos(0.5 * angle);
 }
 
-// Rotation vector (rad) and translation (m) of the root over a frame, at the mean of the velocities before and after
-// it, in body axes.
+// Rotation vector (rad) and translation (m) of the root over a frame, in body axes. They are at the mean of the
+// velocities before and after the frame.
 FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     V3 a, b;
     own_velocity(state, a, b);

@@ -137,7 +137,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
 }
 #endif
 
-// sum += x W in nearly f32: rows and matrix are each f16 plus a rounding residual; the product of the two residuals is
+// sum += x W in nearly f32: rows and matrix are each f16 plus a rounding residual. The product of the two residuals is
 // left out. Afterwards all threads may write rows.
 template <int N> FN void exact(const half* x, const half* left, Weights& w, Sum& sum) {
 #pragma unroll 1

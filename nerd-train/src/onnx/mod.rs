@@ -7,9 +7,9 @@
 //! frames ─ newest, differences ─ (x - mean) / scale ─ clip to 5 ─ Gemm, activation, ... Gemm ─ clip to 1 ─ action
 //! ```
 //!
-//! The input is `observation` `[batch, numbers]`, or for stacked observations `observations` `[batch, frames,
-//! numbers]`, newest first. At the start of an episode all frames are the first observation. The graph leaves out the
-//! policy's value estimate and the spread of its actions.
+//! The input is `observation`, `[batch, numbers]`. For stacked observations, it is `observations`,
+//! `[batch, frames, numbers]`, newest first. At the start of an episode all frames are the first observation. The graph
+//! leaves out the policy's value estimate and the spread of its actions.
 
 mod contract;
 mod law;

@@ -11,7 +11,7 @@ use crate::prelude::*;
 pub const SCRIPT: &str = include_str!("replay.js");
 const PAGE: &str = include_str!("replay.html");
 
-/// The data of a page. A pose is a position (m), then a quaternion x y z w, in world axes.
+/// The data of a page. Lengths are in m. A pose is a position, then a quaternion x y z w, in world axes.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Replay {
     /// Title above the picture.

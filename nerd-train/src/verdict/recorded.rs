@@ -1,5 +1,5 @@
-//! Verdict on a model of recorded motion: compares it with its base, a linear map and `articulated`, as described or as
-//! calibrated.
+//! Verdict on a model of recorded motion. The model is compared with its base, a linear map and `articulated`, as
+//! described or as calibrated.
 
 use nerd_sim::calibrate::{Engine, Subject};
 use nerd_sim::instruments::{Hold, Replay};

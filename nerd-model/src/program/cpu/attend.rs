@@ -156,7 +156,7 @@ pub struct Ring<'a> {
     pub history: usize,
     /// Keys, rotated and transposed, `[E][width]`, then values `[history][E]`; [`Ring::floats`] in all.
     pub past: &'a mut [f32],
-    /// Number of earlier tokens.
+    /// Number of tokens of the stream before the new one.
     pub before: usize,
 }
 

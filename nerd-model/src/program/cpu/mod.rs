@@ -29,7 +29,8 @@ pub struct Loaded {
     starts: Vec<usize>,
     /// `diag(scale) W` of each step with a scale.
     folded: Vec<Vec<f32>>,
-    /// Packed matrix of each step, empty without a product; and its transpose, packed at the first request.
+    /// By step: `panels` is its packed matrix, empty without a product; `back` is the transpose, packed at the first
+    /// request.
     panels: Vec<Matrix>,
     back: Vec<std::sync::OnceLock<Matrix>>,
     /// For each slot, the last step that reads or writes it.
@@ -58,7 +59,8 @@ pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
 pub enum Pass<'a> {
     /// Windows of this many tokens; keeps everything for the backward pass.
     Kept(usize),
-    /// Windows of this many tokens; only predictions of these rows.
+    /// Windows of this many tokens. Gives only the predictions of these rows, in ascending order, counted over all
+    /// windows.
     Windows(usize, &'a [usize]),
     /// One new token per environment; the caller computes attention.
     Stream(Mix<'a>),
