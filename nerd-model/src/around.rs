@@ -13,7 +13,7 @@ pub struct Around {
     pub system: Arc<System>,
     /// Base and view of tokens and predictions.
     pub form: Form,
-    /// Normaliser of tokens and predictions.
+    /// Shift and scale of tokens and predictions.
     pub normalizer: Normalizer,
 }
 

@@ -28,7 +28,7 @@ pub struct Seen<'a> {
     pub state: &'a [f64],
     /// Contact events of all contact points.
     pub contacts: &'a [ContactEvent],
-    /// Gravity (m/s^2).
+    /// Gravity (m/s^2, world axes).
     pub gravity: Vector3<f64>,
     /// Content of the token.
     pub view: View,

@@ -59,7 +59,8 @@ pub fn once(whose: &str, names: &[String]) -> Result<()> {
     }
 }
 
-/// Refuses figures that are not finite, before they get into a table. The first argument names the figure in the error.
+/// Refuses figures that are not finite, before they are written to a table. The first argument names the figure in the
+/// error.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {
         Some(x) => refuse!("{whose} is {x}: no result is written"),

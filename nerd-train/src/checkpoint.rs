@@ -70,7 +70,7 @@ pub struct Best {
     pub step: u64,
     /// Value of the criterion, see [`crate::trainer`].
     pub criterion: f64,
-    /// The averaged weights.
+    /// Moving average of the weights.
     pub weights: Weights,
 }
 

@@ -15,7 +15,7 @@ pub enum Error {
     /// Settings that contradict each other, or ask for more memory or time than there is.
     #[error("{0}")]
     Refused(String),
-    /// Interrupted; see [`crate::stop`].
+    /// Work was interrupted by a signal or a time limit; see [`crate::stop`].
     #[error("stopped")]
     Stopped,
     /// An error of a robot, solver, model, task, data set, learner or device.

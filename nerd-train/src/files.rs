@@ -14,7 +14,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String> {
     files::read_text(path).map_err(Error::file(path))
 }
 
-/// Reads a record, which grows with its run.
+/// Reads a record of a run (JSON lines), which only free memory limits in size.
 pub(crate) fn read_record(path: &Path) -> Result<String> {
     files::read_record(path).map_err(Error::file(path))
 }

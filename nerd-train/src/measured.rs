@@ -19,7 +19,7 @@ const CHOOSES: usize = 6;
 const NAMED: usize = 100;
 /// Cutting trajectories into pieces loses at most one window in this many.
 const LOST: usize = 100;
-/// Most trials of a calibration.
+/// Most trials (recorded rollouts) that a calibration fits.
 const TRIALS: usize = 200;
 
 /// A log with its trajectories in three parts: for training, for choosing the weights, and held out.

@@ -58,9 +58,9 @@ fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEven
 
 /// A data set before normalisation, with the hash of its recordings.
 pub struct Prepared {
-    /// Tokens and targets.
+    /// Tokens and targets, not normalised.
     pub windows: Windows,
-    /// [`sha256_of`] the recordings.
+    /// SHA-256 of the recordings ([`sha256_of`]).
     pub sha256: String,
 }
 

@@ -77,9 +77,9 @@ pub struct Session {
     pub first: u64,
     /// Updates or iterations done at the end.
     pub last: u64,
-    /// Duration (s).
+    /// Duration of the session (s).
     pub seconds: f64,
-    /// Name of the machine.
+    /// Name of the machine: GPU, processor and number of cores.
     pub machine: String,
     /// Time spent in each part of the work, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]

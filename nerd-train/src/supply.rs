@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 use crate::prelude::*;
 use crate::prepare::{MakeSolver, normalize, shard};
 
-/// Settings of a supply.
+/// Settings of the supply of fresh data.
 pub struct SupplyConfig {
     /// Settings of the recording at the start of the run, a whole number of shards. Numbers of fresh trajectories
     /// follow those of this recording.
@@ -22,13 +22,13 @@ pub struct SupplyConfig {
     pub step: u64,
     /// Number of tokens in a window.
     pub history: usize,
-    /// Form of tokens and targets.
+    /// Content of tokens, and base of targets.
     pub form: Form,
-    /// Normaliser of the whole run.
+    /// Normaliser of tokens and targets, constant over the whole run.
     pub normalizer: Normalizer,
 }
 
-/// Yields fresh shards in order.
+/// Yields fresh shards of data in the order in which they are due.
 pub struct Supply {
     config: Arc<SupplyConfig>,
     /// By recording thread, its fresh shards in order. Of T threads, thread t records the shards t, t + T, t + 2 T, ..

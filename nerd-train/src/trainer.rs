@@ -59,7 +59,7 @@ const RISE: (usize, f32) = (3, 1.02);
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Updates done.
+    /// Number of updates done, earlier sessions included.
     pub step: u64,
     /// Whether all updates are done; if not, time ran out or a signal came.
     pub finished: bool,

@@ -12,7 +12,7 @@ use crate::prelude::*;
 /// State of a chain as rods. In an adjoint pass, the fields hold gradients with respect to these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rods {
-    /// The gripper.
+    /// State of the gripper.
     pub gripper: Gripper,
     /// Direction of each rod, the gripper's end first (world, unit length).
     pub along: Vec<Vector3<f64>>,

@@ -35,7 +35,7 @@ FN void change_back(const double* state, const float* said, const double* behind
     add3(gradient + NV + 3, by_speed);
 }
 
-// Adjoint of `trapezoid`.
+// Adjoint of `trapezoid`: `by` is the gradient with respect to the change on entry, and to the prediction on return.
 FN void trapezoid_back(const double* state, const float* said, double* by, double* gradient) {
     const double time = TRAPEZOID;
     if (time == 0) return;

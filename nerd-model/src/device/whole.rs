@@ -26,9 +26,9 @@ pub enum Products {
 pub struct Whole {
     /// Source text of the kernel.
     pub text: String,
-    /// Threads of a block.
+    /// Number of threads in a block.
     pub threads: usize,
-    /// Windows that a block computes.
+    /// Number of windows that a block computes.
     pub windows: usize,
     /// Shared memory of a block (bytes).
     pub shared: usize,

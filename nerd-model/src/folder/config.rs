@@ -111,9 +111,9 @@ pub enum ModelError {
     /// A file or folder cannot be read or written, or its content is invalid.
     #[error("{path}: {reason}", path = path.display())]
     Folder {
-        /// The file or folder.
+        /// The file or folder that is wrong.
         path: PathBuf,
-        /// The reason, one line.
+        /// What is wrong, in one line.
         reason: String,
     },
     /// A chain's model, for a robot that is not a chain.

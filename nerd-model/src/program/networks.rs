@@ -64,9 +64,9 @@ fn transformer(c: &TransformerConfig) -> Program {
     p
 }
 
-/// The Transformer of a single token. Attention over one key returns its value, so it is omitted. Its MLPs are gated,
-/// since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and b three times as
-/// wide as x. The head is linear, `W_out LN(x) + b_out`.
+/// The Transformer of a single token. Attention over one key returns that key's value, so attention is omitted. Its
+/// MLPs are gated, since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and
+/// b three times as wide as x. The head is linear, `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
     let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);

@@ -10,7 +10,7 @@ pub struct Slot(pub usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Weight(pub usize);
 
-/// Activation function.
+/// Activation function f(x).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activation {
@@ -60,12 +60,12 @@ pub enum Op {
     Gate,
 }
 
-/// One operation between two slots.
+/// One operation from a slot to a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Slot to read.
+    /// Slot that the step reads.
     pub from: Slot,
-    /// Slot to write.
+    /// Slot that the step writes.
     pub to: Slot,
     /// The operation.
     pub op: Op,
@@ -114,7 +114,7 @@ impl Program {
         [0].into_iter().chain(ends).collect()
     }
 
-    /// Appends a tensor.
+    /// Appends a tensor of parameters; returns its index.
     pub fn tensor(&mut self, name: &str, shape: &[usize], init: Init) -> Weight {
         self.tensors.push(TensorSpec { name: name.into(), shape: shape.to_vec(), init });
         Weight(self.tensors.len() - 1)
@@ -171,7 +171,7 @@ pub struct TensorSpec {
 /// Distribution of a tensor's initial entries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Init {
-    /// N(0, sigma).
+    /// Normal with mean 0 and this standard deviation.
     Normal(f64),
     /// Uniform in +-1/sqrt(fan_in), the usual initialisation of a linear layer.
     FanIn(usize),

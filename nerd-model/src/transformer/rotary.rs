@@ -30,11 +30,11 @@ struct Network {
 }
 
 struct Env {
-    /// Tokens since the last clear.
+    /// Number of tokens since the last clear.
     taken: usize,
     /// Cosine and sine of the newest token's position, `[d / 2]`.
     place: Vec<(f64, f64)>,
-    /// Caches, `[layer][ring]`.
+    /// Cached keys and values, `[layer][ring]`.
     past: Vec<f32>,
 }
 

@@ -40,7 +40,7 @@ pub enum Storage {
 pub struct Weights {
     /// Shape of the network.
     pub config: TransformerConfig,
-    /// Parameters, tensor after tensor.
+    /// All parameters, tensor after tensor.
     pub flat: Vec<f32>,
 }
 

@@ -28,7 +28,7 @@ pub(super) fn frames(
     }
 }
 
-/// Makes the fallback.
+/// Function that makes the fallback solver.
 type Make = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
 
 /// Computes whole frames on the GPU until a batch has no kernels (a scene with hills, say). From then on only the
@@ -66,7 +66,7 @@ impl Solver for WithFallback {
                 return done;
             }
         };
-        // If the fallback refuses the batch, too, its own error is returned.
+        // If the fallback refuses the batch, too, the fallback's error is returned.
         let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
         let mut fallback = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
         let done = fallback.step(batch, torques);

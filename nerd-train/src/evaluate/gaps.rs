@@ -42,7 +42,7 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// Distances between states of `system`.
+    /// Prepares distances between states of `system`.
     pub fn new(system: &Arc<System>) -> Self {
         Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
     }

@@ -11,7 +11,7 @@ const PERIOD: f64 = 0.02;
 pub struct Held {
     /// Drives of one environment, at the default pose.
     pub rest: Vec<Drive>,
-    /// Frames between targets.
+    /// Number of frames between new targets.
     pub every: usize,
     /// Offsets of the targets from the default pose (rad or m), `[target][env][joint]`.
     pub targets: Vec<Vec<Vec<f64>>>,

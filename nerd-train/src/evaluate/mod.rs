@@ -42,7 +42,7 @@ pub struct PassiveConfig {
     pub steps: usize,
     /// Seed of the starts (reference: 500).
     pub seed: u64,
-    /// Torques at the joints.
+    /// What drives the joints during the rollouts.
     #[serde(default)]
     pub action: Action,
 }

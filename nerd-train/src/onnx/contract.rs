@@ -9,7 +9,7 @@ use crate::{ppo::Policy, prelude::*};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contract {
-    /// The policy's task.
+    /// Name of the policy's task.
     pub task: String,
     /// SHA-256 of weights and moments ([`Policy::sha256`]).
     pub policy_sha256: String,
@@ -29,9 +29,9 @@ pub struct Contract {
     pub scene: String,
     /// World gravity (m/s^2).
     pub gravity: [f64; 3],
-    /// Time between torques (s).
+    /// Length of a frame (s), the time between torques.
     pub frame_time: f64,
-    /// Frames per action.
+    /// Number of frames over which an action is kept.
     pub frames_per_action: u64,
     /// Actions per second (Hz).
     pub rate: f64,

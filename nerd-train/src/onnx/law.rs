@@ -42,7 +42,7 @@ pub(super) fn actions(task: &dyn Task, system: &System) -> (Law, Vec<Action>) {
     }
 }
 
-/// The actions, if torques are proportional to them and each acts on a single joint.
+/// Describes the actions, if torques are proportional to actions and each action acts on a single joint.
 fn direct(forms: &Forms, torques: &[Traced], action: &[Traced], system: &System) -> Option<Vec<Action>> {
     let rows: Vec<(Vec<f64>, f64)> = torques.iter().map(|tau| forms.linear(*tau, action)).collect::<Option<_>>()?;
     if rows.iter().any(|(_, offset)| *offset != 0.0) {

@@ -1,5 +1,5 @@
-//! Protocol Buffers wire format, as far as an ONNX writer needs it. A crate would bring a schema compiler or thousands
-//! of generated lines, for seven messages.
+//! Protocol Buffers wire format, as far as an ONNX writer needs it. A crate for these seven messages would bring a
+//! schema compiler or thousands of generated lines.
 
 /// A message with the fields written so far.
 #[derive(Clone, Debug, Default)]

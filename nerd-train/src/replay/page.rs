@@ -18,7 +18,7 @@ pub struct Replay {
     pub title: String,
     /// Time between frames (s).
     pub dt: f64,
-    /// Unit vector against gravity.
+    /// Unit vector against gravity (world axes).
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
@@ -41,7 +41,7 @@ pub struct Replay {
 pub struct Track {
     /// Name of the motion.
     pub name: String,
-    /// Poses by frame and link.
+    /// Poses `[frame][link]`, each a position (m) and a quaternion x y z w.
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 

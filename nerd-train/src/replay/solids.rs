@@ -21,7 +21,7 @@ pub type Surface = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 pub struct Solid {
     /// Index of the link that the shape is fixed to; `None` for a shape of the scene.
     pub link: Option<usize>,
-    /// Hue (degrees).
+    /// Hue of the shape (degrees).
     pub hue: f64,
     /// Pose in the link's axes, or in world axes for a scene's shape: position (m), then quaternion x y z w.
     pub pose: [f32; 7],

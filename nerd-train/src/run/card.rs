@@ -8,7 +8,8 @@ use crate::records::rows;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
 
-/// Networks with more weights are stored in f16. A small network errs so little that rounding would dominate its error.
+/// Networks with more weights are stored in f16. A small network has so small an error that rounding to f16 would
+/// dominate it.
 const LARGE: usize = 1_000_000;
 /// Number of starts in the verdict on a new model.
 const JUDGED: usize = 16;
@@ -51,7 +52,7 @@ pub(super) struct Identity {
     pub held_out: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
-    /// Transitions recorded during the run.
+    /// Number of transitions recorded during the run.
     pub fresh: usize,
     /// Training history and SHA-256 of the model that the run started from.
     pub from: Option<String>,
@@ -59,7 +60,7 @@ pub(super) struct Identity {
 }
 
 impl Identity {
-    /// The identity of a run, except its data.
+    /// The identity of a run, except its data's hash, which stays empty.
     pub fn of(plan: &Plan) -> Self {
         let RunConfig { record, rollouts, transitions, .. } = &plan.config;
         let RecordConfig { frames, torque_scale, hold, resets, .. } = *record;

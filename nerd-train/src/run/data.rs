@@ -25,7 +25,7 @@ pub(super) struct Judge {
     pub motions: Option<Arc<Motions>>,
 }
 
-/// Training and validation data.
+/// Training and validation data, by the way in which the run trains.
 pub(super) enum Sets {
     Windows([Arc<Windows>; 2]),
     Cable(Box<Course<Cable>>),

@@ -29,7 +29,7 @@ const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpo
     "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "elbow-single"
     "ant-rapier");
 
-/// Keys that concern recording.
+/// Keys of settings that concern recording.
 const RECORDS: [&str; 7] =
     ["transitions", "fresh-transitions", "torque-scale", "hold", "resets", "policy", "policy-share"];
 

@@ -47,7 +47,7 @@ pub struct ArticulatedSpec {
     pub device: Device,
 }
 
-/// Time stepping of [`ArticulatedSpec`].
+/// Method of time stepping of [`ArticulatedSpec`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
     /// Implicit contact step; where there is nothing to touch, Runge-Kutta with four substeps. This is the truth of
@@ -280,7 +280,7 @@ impl SolverSpec {
     /// Makes the solver for up to `envs` environments of a robot.
     ///
     /// # Errors
-    /// If this build has no such device, or a model cannot be read or is another robot's.
+    /// If this build lacks the solver's device, a model cannot be read, or the model is of another robot.
     pub fn solver(&self, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         self.device().check()?;
         match (self, self.config(system)) {

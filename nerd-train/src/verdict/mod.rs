@@ -1,7 +1,7 @@
 //! Verdict on a model: compares its errors and time with those of baselines and the analytic solver. The baselines are
 //! the base without the network, and a linear map of the same inputs. `articulated` runs with 1, 2, 4, .. substeps, up
-//! to the fewest with no larger mean error than the model. With rapier as truth, its cheaper settings are compared,
-//! too.
+//! to the fewest with no larger mean error than the model. With rapier as truth, cheaper settings of rapier are
+//! compared, too.
 //!
 //! All solvers roll out from equal starts under equal torques, on one CPU core; time and error come from the same
 //! steps.
@@ -19,7 +19,7 @@ use crate::prelude::*;
 use crate::spec::{RapierSpec, SolverSpec};
 use crate::stats::mean;
 
-/// The network pays off if both baselines err at least this many times as much as the model.
+/// The network pays off if both baselines have at least this multiple of the model's error, in every quantity.
 pub const WORTH: f64 = 5.0;
 /// Offset of the seed of the linear map's data from the seed of the starts.
 const ELSEWHERE: u64 = 7_000_003;
@@ -78,7 +78,7 @@ impl Row {
         let PassiveReport { error, diverged, .. } = report;
         Self { of: of.into(), errors: summary(system, &error), microseconds, diverged }
     }
-    /// Mean error over the quantities.
+    /// Mean of the errors over the compared quantities.
     pub fn mean(&self) -> f64 {
         mean(&self.errors)
     }

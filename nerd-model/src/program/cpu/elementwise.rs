@@ -37,7 +37,7 @@ pub fn erf(x: f32) -> f32 {
 /// is far slower.
 const FADED: f32 = 5.0;
 
-/// [`erf`] and `e^(-x^2)`, a factor of erf and of its derivative.
+/// [`erf`] of x, and `e^(-x^2)`, which is a factor of erf and of its derivative.
 #[inline(always)]
 pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();

@@ -23,7 +23,7 @@ use super::{Op, Program, Slot, Weight};
 /// A program with weights.
 #[derive(Default)]
 pub struct Loaded {
-    /// The operations.
+    /// Operations and tensors of the network.
     pub program: Program,
     flat: Vec<f32>,
     starts: Vec<usize>,
@@ -85,7 +85,7 @@ impl Loaded {
         loaded
     }
 
-    /// Replaces the weights.
+    /// Replaces the weights by `flat`, and packs the matrices again.
     pub fn load(&mut self, flat: &[f32]) {
         self.flat.clear();
         self.flat.extend_from_slice(flat);
@@ -119,7 +119,7 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
-        // An activation swapped buffers with its input; swap back.
+        // An activation step has swapped buffers with its input; swap back.
         for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
             if memory.values[step.from.0].capacity() == 0 {
                 memory.values.swap(step.from.0, step.to.0);
