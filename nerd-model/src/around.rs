@@ -1,19 +1,19 @@
-//! The computation around the network of a one-token robot: outputs to the change of the state, and the adjoint of a
-//! frame.
+//! The computation around a robot's network: from outputs to the change of the state. The adjoint of a frame is for
+//! networks that read one token.
 
 use crate::gradients::{Seen, apply_back, token_back};
 use crate::prelude::*;
 use crate::trapezoid;
 use crate::{base::Base, features::Features, form::Form, normalizer::Normalizer};
 
-/// Meaning of a robot's tokens and predictions.
+/// What gives a robot's tokens and predictions their meaning.
 #[derive(Clone)]
 pub struct Around {
     /// The robot.
     pub system: Arc<System>,
     /// Base and view of tokens and predictions.
     pub form: Form,
-    /// Normaliser of tokens and predictions.
+    /// Shift and scale of tokens and predictions.
     pub normalizer: Normalizer,
 }
 

@@ -1,4 +1,4 @@
-//! The base to which a prediction is added. It involves no dynamics: the network predicts all of them.
+//! The base to which a prediction is added. The base involves no dynamics: the network predicts all of the dynamics.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,6 +9,7 @@ pub enum Base {
     /// The state before the frame (paper).
     #[default]
     State,
-    /// The state, with positions advanced by the mean of the velocities before and after ([`crate::trapezoid`]).
+    /// The state before the frame, with positions advanced by the mean of the velocities before and after the frame
+    /// ([`crate::trapezoid`]).
     Trapezoid,
 }

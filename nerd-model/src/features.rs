@@ -1,18 +1,21 @@
 //! Tokens and targets of the network (paper A.1): all in the robot's root frame, computed in f64, then cast to f32.
 //!
-//! A token of a robot with contact points or a free base: `[state, normals (3 C), scene points (3 C), depths (C),
-//! torques, gravity direction (3)]`, all in the frame B of the root. Contact quantities are masked to zero beyond `xi`.
-//! For any other robot: `[state, torques]`.
+//! A token of a robot with C contact points, or with a free base:
+//! `[state, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, all in the frame B of the
+//! root. Quantities of a contact are masked to zero at distances of `xi` (m) or more, the threshold of the contact
+//! point. A token of any other robot: `[state, torques]`.
 //!
-//! [`View::Moving`] adds velocities of contact points (3 C, m/s), masked likewise, after the depths. Nearness now and
-//! one frame later (2 C) follows, 1 beyond `xi`. After gravity come the x and y axes of every link but the first (6
-//! each). Sine and cosine of every angle end the token. The sine of an angle that wraps replaces the angle.
+//! [`View::Moving`] adds velocities of contact points (3 C, m/s), masked likewise, after the depths. Nearness of each
+//! contact point now and one frame later (2 C) follows; it is 1 beyond `xi`. After gravity come the x and y axes of
+//! every link but the first (6 each). Sine and cosine of every joint angle end the token. The sine of an angle that
+//! wraps replaces the angle.
 //!
-//! A token conditioned on the robot's parameters ([`Form::told`]) has the drawn parameters after these ([`Told`]).
+//! A token conditioned on the robot's parameters ([`Form::told`]) has the drawn parameters after all other numbers
+//! ([`Told`]).
 //!
-//! The target is the change over the frame, expressed in the frame of the token: additive for positions, joints and
-//! velocities (angles wrapped), a quaternion from the left for the rotation of a floating root. [`Base`] is the state
-//! to which it is added.
+//! The target is the change of the state over one time step, in the token's frame B. For positions, joints and
+//! velocities it is a difference (angles wrapped). For the rotation of a floating root it is a quaternion, multiplied
+//! from the left. [`Base`] is the state to which the change is added.
 //!
 //! Apart from torques and drawn parameters, no token or target contains a mass, force or acceleration.
 
@@ -82,7 +85,7 @@ impl Features {
         system.robot.state_dim() + Self::a_point(form.view) * system.robot.contact_points.len()
     }
 
-    /// Numbers per contact point, torques and gravity excluded.
+    /// Number of entries in a token per contact point.
     fn a_point(view: View) -> usize {
         if view == View::Moving { 12 } else { 7 }
     }
@@ -202,7 +205,7 @@ impl Features {
         self.velocities.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
-    /// The frame of changes: a floating root's, otherwise the world.
+    /// The frame in which changes are expressed: a floating root's, otherwise the world.
     fn place(&self, state: &[f64]) -> RootFrame {
         if self.system.robot.floating() { RootFrame::of(state) } else { world() }
     }
@@ -229,7 +232,7 @@ impl Features {
         cast(&change, out);
     }
 
-    /// Writes the state at `change` (as in [`Self::target`], not normalised) from `state` to `next`.
+    /// Applies `change` (as in [`Self::target`], not normalised) to `state`, and writes the resulting state to `next`.
     pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -248,7 +251,8 @@ impl Features {
     }
 }
 
-/// Sines and cosines of a joint in a token of [`View::Moving`]: a wrapping angle adds one number, another hinge two.
+/// Number of entries that a joint's sine and cosine add to a token of [`View::Moving`]. A wrapping angle adds one,
+/// another hinge two.
 pub(crate) fn waves(joint: &Joint) -> usize {
     if joint.wraps() { 1 } else { 2 * usize::from(joint.kind != JointKind::Prismatic) }
 }

@@ -11,7 +11,8 @@ pub enum View {
     /// State, contacts, torques and gravity (paper A.1).
     #[default]
     Own,
-    /// Also velocities and nearness of contact points, axes of links, sine and cosine of every angle.
+    /// The content of [`View::Own`], and velocities and nearness of contact points, axes of links, sine and cosine of
+    /// every angle.
     Moving,
 }
 

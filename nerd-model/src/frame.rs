@@ -1,5 +1,5 @@
-//! One frame of a chunk of environments around the network: contacts and tokens, predictions to next states, and the
-//! adjoint.
+//! Computes one frame of a chunk of environments around the network: contacts and tokens, next states from predictions,
+//! and the adjoint.
 
 use nerd_core::state::wrap_state;
 use nerd_sim::solver::{Fault, Gradients};
@@ -30,8 +30,8 @@ impl Frame {
         }
     }
 
-    /// Writes the normalised tokens `[env][inputs]` of the environments from `first` on. Failed ones, listed in
-    /// `aside`, get zeros.
+    /// Writes the normalised tokens `[env][inputs]` of the environments from `first` on. Tokens of failed environments,
+    /// listed in `aside`, are zero.
     pub fn tell(&mut self, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32]) {
         for (env, token) in (first..).zip(tokens.chunks_exact_mut(self.around.normalizer.inputs.mean.len())) {
             if aside.iter().any(|fault| fault.env == env) {
@@ -55,8 +55,8 @@ impl Frame {
         self.around.normalizer.inputs.normalize(token);
     }
 
-    /// Writes the next states `next[env][q, qd]`: predictions applied to the states of the environments from `first`
-    /// on.
+    /// Applies predictions to the states of the environments from `first` on. Writes the next states to `next`,
+    /// `[env][q, qd]`.
     pub fn apply(&mut self, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
         let d = self.change.len();
         for (env, (prediction, next)) in (first..).zip(predictions.chunks_exact(d).zip(next.chunks_exact_mut(d))) {

@@ -10,8 +10,8 @@
 //! A = a + c_a   B = b + c_b + A x d   x' = x + R d   R' = R n   a' = n^-1 A   b' = n^-1 B
 //! ```
 //!
-//! and joints add. Gradients neglect the curvature of surfaces: normals rotate with the root, but do not change with
-//! position. The deepest point of a hull or rim and the set of visible contacts are held constant.
+//! and changes of joints are added. Gradients neglect the curvature of surfaces: normals rotate with the root, but do
+//! not change with position. The deepest point of a hull or rim and the set of visible contacts are held constant.
 
 use nalgebra::Quaternion;
 use nerd_core::tangent::{push, wrenches_back};
@@ -22,13 +22,13 @@ use crate::form::View;
 use crate::prelude::*;
 use crate::program::cpu::add;
 
-/// The arguments of a token.
+/// What a token is computed from.
 pub struct Seen<'a> {
     /// State `[q, qd]`.
     pub state: &'a [f64],
     /// Contact events of all contact points.
     pub contacts: &'a [ContactEvent],
-    /// Gravity (m/s^2).
+    /// Gravity (m/s^2, world axes).
     pub gravity: Vector3<f64>,
     /// Content of the token.
     pub view: View,
@@ -48,7 +48,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
         rest = later;
         now
     };
-    // In its own frame the root has a constant pose.
+    // In its own frame the root has a constant pose, without gradient.
     take(robot.root_coords());
     let by_angles = take(joints);
     add(&mut gradient[nv..], take(nv));

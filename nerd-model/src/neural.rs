@@ -11,20 +11,20 @@ use crate::prelude::*;
 use crate::transformer::{Architecture, ForwardError, Stream, even, packed};
 use crate::{frame::Frame, program::cpu::Loaded};
 
-/// Environments per thread and chunk.
+/// Number of environments in a chunk, which one thread computes.
 const CHUNK: usize = 16;
 /// Most environments in one adjoint pass.
 const ROWS: usize = 128;
 
-/// A model as a [`Solver`]. In a batch with `[vary]` each environment has its robot, and a model conditioned on
-/// parameters receives the drawn ones.
+/// A model as a [`Solver`]. In a batch with `[vary]` each environment has its own robot. A model conditioned on
+/// parameters receives those drawn for that robot.
 pub struct Neural {
     model: Model,
     network: Box<dyn Stream>,
     frames: Vec<Frame>,
     /// Normalised tokens of the frame, `[env][inputs]`.
     tokens: Vec<f32>,
-    /// Frame of each environment's newest token.
+    /// Frame number of each environment's newest token.
     newest: Vec<u64>,
     predictions: Vec<f32>,
     next: Vec<f64>,

@@ -3,8 +3,8 @@
 //! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are scaled back. The statistics run over all windows of h
 //! tokens, so a token inside a trajectory counts up to h times.
 //!
-//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit has less weight in the
-//! loss. So each run chooses epsilon, and it is stored with the moments.
+//! The paper's epsilon of 1e-5 is absolute. A target whose standard deviation is below 3e-3 of its unit has less weight
+//! in the loss. So each run chooses its epsilon, which is stored with the moments.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,13 +19,13 @@ fn is_paper(epsilon: &f64) -> bool {
     *epsilon == EPSILON
 }
 
-/// Per-coordinate shift and scale of rows.
+/// Mean and variance of each coordinate of rows, for their shift and scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Moments {
-    /// Mean.
+    /// Mean of each coordinate, `[width]`.
     pub mean: Vec<f64>,
-    /// Population variance.
+    /// Population variance of each coordinate, `[width]`.
     pub variance: Vec<f64>,
     /// Added to the variance, above 0: the scale of a coordinate is `sqrt(variance + epsilon)`.
     #[serde(default = "paper", skip_serializing_if = "is_paper")]
@@ -51,7 +51,7 @@ impl Moments {
         Self { mean, variance: square.iter().map(|s| s / f64::max(total, 1.0)).collect(), epsilon: EPSILON }
     }
 
-    /// Moments that leave rows of `width` unchanged.
+    /// Moments whose shift and scale leave rows of `width` numbers unchanged.
     pub fn identity(width: usize) -> Self {
         Self { mean: vec![0.0; width], variance: vec![1.0 - EPSILON; width], epsilon: EPSILON }
     }

@@ -1,4 +1,5 @@
-//! The trapezoid base: predicted positions are corrections to motion at the mean of the velocities before and after.
+//! The trapezoid base: predicted positions are corrections to motion at the mean of the velocities before and after the
+//! frame.
 //!
 //! With present velocities `v`, predicted changes `c_v` and correction `c`, over a frame of time T:
 //! `dq = T (v + c_v / 2) + c`. For a free root (body axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and
@@ -10,7 +11,7 @@ use nerd_core::frames::own_velocity;
 use crate::normalizer::Moments;
 use crate::prelude::*;
 
-/// Rotation vector and translation of a free root at the mean velocities, in body axes.
+/// Rotation vector (rad) and translation (m) of a free root over a frame at its mean velocities, in body axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
     let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
     [(a + vector(&change[nq..]) * 0.5) * time, (b + vector(&change[nq + 3..]) * 0.5) * time]

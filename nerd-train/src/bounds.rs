@@ -7,32 +7,33 @@ use nerd_sim::files::memory::free;
 
 use crate::prelude::*;
 
-/// Rollouts, trajectories, episodes or environments.
+/// Bounds on the number of rollouts, trajectories, episodes or environments.
 pub const STARTS: RangeInclusive<u64> = 1..=1_000_000;
-/// Frames of a rollout; at 1/60 s, 4.6 hours.
+/// Bounds on the frames of a rollout. A million frames of 1/60 s are 4.6 hours.
 pub const FRAMES: RangeInclusive<u64> = 1..=1_000_000;
-/// Substeps of a frame.
+/// Bounds on the number of substeps in a frame.
 pub const SUBSTEPS: RangeInclusive<u64> = 1..=10_000;
-/// Transitions of a data set (paper: ten million).
+/// Bounds on the transitions in a data set (paper: ten million).
 pub const TRANSITIONS: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Optimiser updates (paper: five million).
+/// Bounds on the optimiser updates of a run (paper: five million).
 pub const UPDATES: RangeInclusive<u64> = 1..=1_000_000_000;
-/// Windows or sequences of an update.
+/// Bounds on the batch size: windows or sequences per update.
 pub const BATCH: RangeInclusive<u64> = 1..=65_536;
-/// Layers of a network.
+/// Bounds on the number of network layers.
 pub const LAYERS: RangeInclusive<u64> = 1..=64;
-/// Width of a network.
+/// Bounds on the embedding width of a network.
 pub const EMBEDDING: RangeInclusive<u64> = 1..=4096;
-/// Seeds. JSON and TOML hold them as signed integers; derived seeds have room above.
+/// Bounds on a seed. JSON and TOML hold integers up to `i64::MAX`; seeds derived by addition still fit in a `u64`.
 pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
 
-/// Longest run (minutes): two years.
+/// Longest run (minutes), about two years.
 pub const MINUTES: f64 = 1e6;
 
-/// Substeps over all environments of a command; at a microsecond each, a day.
+/// Most substeps of a command, summed over its environments. At a microsecond each, they take about a day.
 const WORK: u128 = 100_000_000_000;
 
-/// Refuses work that needs more than the free memory: `bytes` times the product of `factors` (option, value).
+/// Refuses work that needs more memory than is free. The need is `bytes` times the product of the values in `factors`
+/// (option, value).
 pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
     let (needed, free) = (product(factors).saturating_mul(bytes as u128), u128::from(free()));
     if needed > free {
@@ -58,7 +59,8 @@ pub fn once(whose: &str, names: &[String]) -> Result<()> {
     }
 }
 
-/// Refuses figures that are not finite, before they get into a table. The first argument names the figure in the error.
+/// Refuses figures that are not finite, before they are written to a table. The first argument names the figure in the
+/// error.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {
         Some(x) => refuse!("{whose} is {x}: no result is written"),

@@ -1,5 +1,5 @@
 //! Checkpoints of a training run: `last.safetensors`, the state to resume from, and `best.safetensors`, the weights
-//! with the smallest criterion. Each is replaced atomically.
+//! with the smallest criterion. Each file is replaced atomically.
 
 use nerd_sim::files::FileError;
 
@@ -30,15 +30,15 @@ pub fn save(path: &Path, state: &LearnerState, config: &str) -> Result<()> {
     file.save(path)
 }
 
-/// The configuration stored with a state.
+/// Reads the run's configuration (JSON) from the checkpoint at `path`.
 pub(crate) fn config(path: &Path) -> Result<String> {
     Ok(Tensors::open(path)?.word("config")?.into())
 }
 
-/// Reads the state of a run with this network, and the stored configuration.
+/// Reads a run's state and its configuration (JSON). The run must have trained this `network`.
 ///
 /// # Errors
-/// If the file is absent, truncated, no checkpoint, or from a run with another network.
+/// If the file is absent, truncated, not a checkpoint, or from a run with another network.
 pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, String)> {
     let file = Tensors::open(path)?;
     let found: TransformerConfig = file.json("network")?;
@@ -66,11 +66,11 @@ pub fn load(path: &Path, network: &TransformerConfig) -> Result<(LearnerState, S
 /// The weights with the smallest criterion so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Best {
-    /// Number of updates done.
+    /// Number of optimiser updates that gave these weights.
     pub step: u64,
     /// Value of the criterion, see [`crate::trainer`].
     pub criterion: f64,
-    /// The averaged weights.
+    /// Moving average of the weights.
     pub weights: Weights,
 }
 
@@ -87,7 +87,8 @@ impl Best {
         file.save(&best(folder))
     }
 
-    /// Reads the best weights from `folder`; none if there is no file, or its configuration differs from `run`.
+    /// Reads the best weights from `folder`. Returns `None` if there is no file, or its configuration (JSON) differs
+    /// from `run`.
     ///
     /// # Errors
     /// If the file cannot be read, is truncated or was changed.

@@ -5,14 +5,14 @@ use nerd_sim::instruments::Timed;
 use crate::evaluate::PassiveReport;
 use crate::prelude::*;
 
-/// Time budget of repeated runs; at most [`MOST`] fit. Up to [`SOME`] runs are made while they took less than
-/// [`PATIENCE`].
+/// Runs repeat until they took this time together, at most [`MOST`] times. Up to [`SOME`] longer runs are made while
+/// together they took less than [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);
 const MOST: usize = 20;
 const SOME: usize = 3;
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// The minimum of the times that `run` returns. Disturbances only make a run slower.
+/// Calls `run` several times and returns the shortest time. Other load on the machine can only make a run slower.
 fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> {
     let (mut runs, mut total, mut best) = (0, Duration::ZERO, Duration::MAX);
     while runs == 0 || (total < TIME && runs < MOST) || (runs < SOME && total < PATIENCE) {
@@ -22,7 +22,8 @@ fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> 
     Ok(best)
 }
 
-/// Errors of a solver and its time per frame (us), from the same steps. `frames` counts the frames of one comparison.
+/// Errors of a solver against the truth, and its time per frame (us), both from the same calls of `compare`. `frames`
+/// is the number of frames that one call steps.
 pub fn timed(
     solver: Box<dyn Solver>,
     frames: usize,

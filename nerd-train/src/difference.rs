@@ -1,11 +1,12 @@
-//! Differences between the settings of two runs, for the refusal to continue one as the other.
+//! Lists how the settings of two runs differ, for the error when a run is resumed with other settings.
 
 use serde_json::Value;
 
 /// Largest number of differences in a message.
 const MOST: usize = 4;
 
-/// Differences between two JSON texts, by key, with the value in `found` first; empty if they are equal.
+/// Differences between two JSON texts by key, with the value in `found` first. The result is empty if the texts are
+/// equal.
 ///
 /// ```
 /// let text = nerd_train::difference::between(r#"{"rate": {"start": 0.1}, "seed": 1}"#, r#"{"rate": {"start": 0.2}, "seed": 1}"#);

@@ -5,7 +5,7 @@ use nerd_model::folder::ModelError;
 use nerd_sim::files::FileError;
 use nerd_tasks::TaskError;
 
-/// An error in one line: what, where, and what to do.
+/// An error whose message is one line: what failed, where, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -15,7 +15,7 @@ pub enum Error {
     /// Settings that contradict each other, or ask for more memory or time than there is.
     #[error("{0}")]
     Refused(String),
-    /// Interrupted; see [`crate::stop`].
+    /// Work was interrupted by a signal or a time limit; see [`crate::stop`].
     #[error("stopped")]
     Stopped,
     /// An error of a robot, solver, model, task, data set, learner or device.
@@ -45,8 +45,8 @@ macro_rules! refuse {
 }
 pub(crate) use refuse;
 
-/// Converts errors of other parts into [`Error::Part`]. Each part does so in its own module, so this file depends on no
-/// part.
+/// Implements `From` for these error types, which become [`Error::Part`]. Modules of this crate call it for their own
+/// errors, so this file depends on none of them.
 macro_rules! part {
     ($($error:ty),+) => { $(
         impl From<$error> for $crate::error::Error {

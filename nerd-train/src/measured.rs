@@ -1,5 +1,5 @@
-//! Recorded motion as a truth: a log ([`nerd_sim::log`]) in three parts. The first trains models, the second chooses
-//! their weights, and only verdicts use the third.
+//! Splits recorded motion, a log ([`nerd_sim::log`]), into three parts. The first trains models, the second chooses
+//! their best weights, and only verdicts use the third.
 
 use std::collections::HashMap;
 
@@ -12,17 +12,17 @@ use crate::prelude::*;
 
 part!(LogError, CalibrateError);
 
-/// Of this many trajectories, one is held out; of this many of the rest, one chooses the weights.
+/// Of [`HELD_OUT`] trajectories, one is held out. Of [`CHOOSES`] others, one chooses the weights.
 const HELD_OUT: usize = 5;
 const CHOOSES: usize = 6;
-/// Most held-out names on a card; above that, the card states the rule.
+/// Most held-out trajectories that a model card names. If more are held out, the card states the rule that chose them.
 const NAMED: usize = 100;
 /// Cutting trajectories into pieces loses at most one window in this many.
 const LOST: usize = 100;
-/// Most trials of a calibration.
+/// Most trials (recorded rollouts) that a calibration fits.
 const TRIALS: usize = 200;
 
-/// A log in three parts.
+/// A log with its trajectories in three parts: for training, for choosing the weights, and held out.
 pub struct Measured {
     /// `recorded NAME`, the truth's name on cards.
     pub truth: String,
@@ -60,8 +60,8 @@ impl Measured {
         format!("{RECORDED}{}", name.unwrap_or_default())
     }
 
-    /// Reads a log and holds out the trajectories with these names. Without names, every fifth is held out; with fewer
-    /// than five, the last fifth of each.
+    /// Reads a log and holds out the trajectories with these names. Without names, it holds out every fifth trajectory.
+    /// If the log has fewer than five, it holds out the last fifth of each.
     pub fn read(path: &Path, held_out: &[u64]) -> Result<Self> {
         let log = Log::read(path, None)?;
         if let Some(id) = held_out.iter().find(|id| log.trajectories.iter().all(|t| t.id != **id)) {
@@ -70,8 +70,8 @@ impl Measured {
         Ok(Self::parted(path, log, held_out))
     }
 
-    /// Reads a log and holds out the trajectories on the model's card. If the model learned other data, holds out as
-    /// [`Measured::read`] without names.
+    /// Reads a log and holds out the trajectories that the model's card names. If the model learned other data, it
+    /// holds out the same as [`Measured::read`] without names.
     pub fn of(path: &Path, model: &Model) -> Result<Self> {
         let log = Log::read(path, None)?;
         let mut ids = Self::named(&model.config);
@@ -80,7 +80,7 @@ impl Measured {
         if found.sha256 == model.config.data_sha256 {
             return Ok(found);
         }
-        // The linear map and the calibrated solver learn from this log. Hold out a part that they have not seen.
+        // The linear map and the calibrated solver learn from this log. Hold out a part that neither of them has seen.
         tell!("{}: the model learned other data (`{}`)", path.display(), model.config.truth);
         Ok(Self::parted(path, Log { notes: Vec::new(), ..found.log }, &[]))
     }
@@ -109,7 +109,7 @@ impl Measured {
         Self { truth: Self::name(path), log, sha256, learned, choosing, held_out, by_rule }
     }
 
-    /// The held-out trajectories in words, for a card.
+    /// The held-out trajectories in words, for a model card.
     pub fn held_out(&self) -> String {
         let mut ids = self.held_out.iter().map(|t| t.id).collect_vec();
         ids.dedup();
@@ -122,13 +122,13 @@ impl Measured {
         ids.iter().map(u64::to_string).join(", ")
     }
 
-    /// Trajectories and frames in the training part.
+    /// Number of trajectories and of frames in the training part.
     pub fn size(&self) -> [usize; 2] {
         [self.learned.len(), self.learned.iter().map(frames).sum()]
     }
 
-    /// Cuts a part into pieces of about `length` frames. At least 99 % of all sequences of `sequence` frames lie in a
-    /// piece.
+    /// Cuts a part into pieces of about `length` frames. At least 99 % of all sequences of `sequence` frames lie whole
+    /// in one piece.
     pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
         let mut lengths = part.iter().map(frames).filter(|n| *n >= sequence).collect_vec();
         lengths.sort_unstable();
@@ -150,8 +150,8 @@ impl Measured {
         Ok(self.log.system.scene(&self.log.scene)?)
     }
 
-    /// At most `most` pieces of a part for rollouts: `frames` frames after `before` frames of history, one start every
-    /// `every` frames.
+    /// Cuts at most `most` pieces for rollouts from a part. A piece has `before` frames of history, then `frames`
+    /// frames. In each trajectory, pieces start `every` frames apart.
     pub fn pieces(&self, part: &[Trajectory], [before, frames, every]: [usize; 3], most: usize) -> Result<Pieces> {
         let length = before + frames;
         let starts = part.iter().enumerate().flat_map(|(k, t)| {
@@ -173,7 +173,7 @@ impl Measured {
         self.cut(part, &starts, [before, frames], most)
     }
 
-    /// At most `most` pieces from `starts`, each (trajectory, frame) in the part.
+    /// Cuts at most `most` pieces at `starts`, each given as (trajectory, first frame) in the part.
     fn cut(
         &self,
         part: &[Trajectory],
@@ -197,9 +197,10 @@ impl Measured {
         })
     }
 
-    /// Held-out pieces that begin at the starts of another log's trajectories, and the other log's states after each
-    /// frame. Compares another simulator, or the same one with another step, with the recording. Without `frames`, the
-    /// median length is used; shorter trajectories are left out.
+    /// Held-out pieces whose rollouts begin at the first states of another log's trajectories. Also returns the other
+    /// log's states after each frame, `[frame][piece][q, qd]`. With both, another simulator, or the same one with
+    /// another step, is compared with the recording. `frames` defaults to the median length of the other log's
+    /// trajectories; shorter ones are left out.
     pub fn beside(
         &self,
         other: &Log,
@@ -240,7 +241,8 @@ impl Measured {
         Ok((pieces, states))
     }
 
-    /// Pieces for a network, with its full history where trajectories are long enough, and the frames of an evaluation.
+    /// Cuts pieces to evaluate a network. A piece has the history that the network reads, then the robot's [`horizon`];
+    /// both are shortened to fit into the median trajectory.
     pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
         let most_have = median(part.iter().map(self::frames));
         let before = (network.reach() - 1).min(most_have / 2);
@@ -248,14 +250,14 @@ impl Measured {
         self.pieces(part, [before, frames, frames], most)
     }
 
-    /// The articulated solver as the robot's file describes it.
+    /// The articulated solver with the parameters in the robot's file.
     pub fn described(&self) -> Result<Subject> {
         let engine = Engine::Articulated(ArticulatedConfig::accurate(&self.log.system));
         Ok(Subject::new(&self.log.system, &self.log.scene, engine)?)
     }
 
     /// The articulated solver calibrated on the training part, over rollouts of `frames` frames. Fits the parameters
-    /// that free motion may determine, and for driven logs the drives.
+    /// that free motion may determine, and for driven logs those of the drives.
     pub fn calibrated(&self, frames: usize, evaluations: usize) -> Result<Subject> {
         let (subject, log) = (self.described()?, Log { trajectories: self.learned.clone(), ..self.log.clone() });
         let mut parameters = Parameter::usual(&log.system, &log.scene, false)?;
@@ -287,7 +289,8 @@ fn frames(trajectory: &Trajectory) -> usize {
     trajectory.states.len() - 1
 }
 
-/// Sets apart every `every`-th name; with fewer names, the last `1 / every` of each trajectory.
+/// Sets apart every `every`-th trajectory name. With fewer than `every` names, sets apart the last `1 / every` of each
+/// trajectory.
 fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajectory>) {
     let mut ids = all.iter().map(|t| t.id).collect_vec();
     ids.dedup();

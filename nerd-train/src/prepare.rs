@@ -1,10 +1,10 @@
-//! From recorded trajectories to normalised windows.
+//! Turns recorded trajectories into normalised windows.
 
 use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
-/// Makes the solver of one thread.
+/// Function that makes the solver of one thread.
 pub type MakeSolver<'a> = dyn Fn() -> Box<dyn Solver> + Sync + 'a;
 
 /// Tokens and targets of every frame of a recording, not normalised. Tokens come from sensor readings, targets from the
@@ -44,7 +44,7 @@ fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEven
     let event = |i: usize| {
         let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
         let distance = recording.depths[i];
-        // The point on the robot follows from the others and is not a network input.
+        // The point on the robot, `p0`, follows from the other numbers and is not a network input.
         ContactEvent {
             p0: p1 + if distance.is_finite() { normal * distance } else { normal },
             p1,
@@ -58,9 +58,9 @@ fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEven
 
 /// A data set before normalisation, with the hash of its recordings.
 pub struct Prepared {
-    /// Tokens and targets.
+    /// Tokens and targets, not normalised.
     pub windows: Windows,
-    /// [`sha256_of`] the recordings.
+    /// SHA-256 of the recordings ([`sha256_of`]).
     pub sha256: String,
 }
 
@@ -80,7 +80,8 @@ pub fn generate(
     Ok(joined(recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?))
 }
 
-/// Calls `make` with the first trajectory and the length of every shard, in parallel; results are in shard order.
+/// Calls `make` with the first trajectory and the number of trajectories of every shard, in parallel. Results are in
+/// shard order.
 pub(crate) fn recorded<T: Send>(
     system: &System,
     config: &GenerateConfig,
@@ -112,7 +113,7 @@ pub(crate) fn shard(
     Ok((tokens(system, &recording, history, form), recording.sha256()))
 }
 
-/// Reads a folder of [`nerd_sim::dataset::generate`]. It must have been recorded with the truth named `truth`.
+/// Reads a data folder that [`nerd_sim::dataset::generate`] wrote. The data must be of the truth named `truth`.
 pub fn read(
     system: &Arc<System>,
     truth: &str,

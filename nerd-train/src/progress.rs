@@ -11,23 +11,24 @@ pub fn tell(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
-/// Prints the assumptions made about a robot, a line each; for built-in robots they are in the files.
+/// Prints the assumptions made about a robot, a line each. For a built-in robot it prints nothing, since the robot's
+/// files state them.
 pub fn notes(system: &System) {
     if System::texts(&system.name).is_none() {
         system.notes.iter().for_each(|note| tell(format_args!("{}: {note}", system.name)));
     }
 }
 
-/// Time between lines without a terminal.
+/// Time between lines where standard error is not a terminal.
 const EVERY: Duration = Duration::from_secs(20);
 
 /// Progress of one task, with throughput and remaining time.
 #[derive(Debug)]
 pub struct Bar {
-    /// Hidden without a terminal.
+    /// The drawn bar, hidden where standard error is not a terminal.
     bar: ProgressBar,
     what: String,
-    /// Units done and time at the start, for the throughput.
+    /// Units done at the start, and time of the start, for the throughput.
     origin: (u64, Instant),
     /// Time of the last line; none on a terminal, or inside parallel work, where only the outer bar shows.
     printed: Option<Mutex<Instant>>,
@@ -77,12 +78,12 @@ impl Bar {
         }
     }
 
-    /// Sets a text beside the name, for example the loss.
+    /// Sets the text after the bar's name, for example the loss.
     pub fn say(&self, text: &str) {
         self.bar.set_message(format!("{}: {text}", self.what));
     }
 
-    /// Prints a line that stays.
+    /// Prints a line that stays above the bar.
     pub fn line(&self, text: &str) {
         if self.bar.is_hidden() { tell!("{text}") } else { self.bar.println(text) }
     }

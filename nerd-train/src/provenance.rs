@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use chrono::Utc;
 use serde::{Deserialize, Serialize};
 
-/// Read once, so that edits during a long command do not change the recorded commit.
+/// Commit of the checkout, read once: edits during a long command do not change the recorded commit.
 static COMMIT: LazyLock<String> = LazyLock::new(commit);
 
 /// Commit, command, seed, machine and date of a result.
@@ -15,13 +15,13 @@ static COMMIT: LazyLock<String> = LazyLock::new(commit);
 pub struct Provenance {
     /// Commit of the checkout, with `-dirty` at the end if tracked files differ; `unknown` outside git.
     pub commit: String,
-    /// The command line.
+    /// The command line; of absolute paths only the last part.
     pub command: String,
-    /// Seed.
+    /// Seed of the run.
     pub seed: u64,
     /// GPU if there is one, processor, cores.
     pub machine: String,
-    /// Day, UTC.
+    /// Date of the result (UTC).
     pub date: String,
 }
 
@@ -66,7 +66,7 @@ impl std::fmt::Display for Provenance {
     }
 }
 
-/// An argument; an absolute path is cut to its last part, since other machines have other folders.
+/// An argument of the command line. An absolute path is cut to its last part, since other machines have other folders.
 fn without_folders(word: String) -> String {
     let last = |path: &str| std::path::Path::new(path).file_name().map(|name| name.to_string_lossy().into_owned());
     if word.starts_with('/') { last(&word).unwrap_or(word) } else { word }
@@ -97,7 +97,7 @@ fn commit() -> String {
         return commit;
     }
     let Some(hash) = output("git", &["rev-parse", "--short=12", "HEAD"]) else { return "unknown".into() };
-    // Ignore files that commands write: they do not change the code.
+    // Files that commands write are ignored: they do not change the code.
     let code = [".", ":!results", ":!models", ":!README.md", ":!docs", ":!*.md"];
     let changed = output("git", &[&["status", "--porcelain", "--untracked-files=no", "--"], &code[..]].concat());
     if changed.is_some_and(|c| !c.is_empty()) { format!("{hash}-dirty") } else { hash }

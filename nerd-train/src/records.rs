@@ -1,6 +1,6 @@
-//! Records of a run, one JSON object per line, appended during the run: `metrics.jsonl` with its progress,
-//! `sessions.jsonl` with times by machine. A line of metrics has the updates done as `step`; a resumed run drops the
-//! lines that it will write again.
+//! Records of a run, with one JSON object per line. `metrics.jsonl` has the run's progress, `sessions.jsonl` its times
+//! by machine. In `metrics.jsonl`, `step` is the number of updates done. A resumed run drops the lines after its
+//! checkpoint, since it writes them again.
 
 use std::fs::{File, OpenOptions};
 use std::io::Write;
@@ -20,7 +20,7 @@ pub fn claimed(folder: &Path) -> Result<Claim> {
 const OWN: [&str; 7] =
     ["run.json", "metrics.jsonl", "sessions.jsonl", "last.safetensors", "best.safetensors", "model", "policy"];
 
-/// Refuses a folder with files of these names that no run has written.
+/// Refuses a folder with files named as a run's files that no run has written.
 pub fn ours(folder: &Path) -> Result<()> {
     let checkpoint = |name: &str| Tensors::open(&folder.join(name)).is_ok_and(|file| file.word("config").is_ok());
     let keys: [(&str, &[&str]); 4] = [
@@ -44,8 +44,8 @@ pub struct Record {
 }
 
 impl Record {
-    /// Opens or creates the metrics of a run that has done `step` updates. Drops later lines, and a line truncated by a
-    /// killed process.
+    /// Opens or creates the metrics of a run that has done `step` updates. Drops the lines of later steps, and a line
+    /// truncated by a killed process.
     pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
         let path = folder.join("metrics.jsonl");
         if path.exists() {
@@ -70,18 +70,18 @@ impl Record {
     }
 }
 
-/// A stretch of a run without interruption.
+/// A stretch of a run in one process, for example between two validations.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Session {
     /// Updates or iterations done at the start.
     pub first: u64,
     /// Updates or iterations done at the end.
     pub last: u64,
-    /// Duration (s).
+    /// Duration of the session (s).
     pub seconds: f64,
-    /// Name of the machine.
+    /// Name of the machine: GPU, processor and number of cores.
     pub machine: String,
-    /// Time by part, in words.
+    /// Time spent in each part of the work, in words.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub spent: String,
 }
@@ -124,7 +124,7 @@ impl Session {
     }
 }
 
-/// Rows of a card for a run in `out`, by name and as a table. `own` are further rows.
+/// Rows of a model card on the run in `out`, by name and as a Markdown table. `own` are further rows.
 pub(crate) fn rows(out: &Path, seed: u64, own: Vec<(&str, String)>) -> Result<(BTreeMap<String, String>, String)> {
     let sessions = Session::all(out)?;
     let minutes = format!("{:.1}", sessions.iter().map(|s| s.seconds).sum::<f64>() / 60.0);

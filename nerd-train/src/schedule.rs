@@ -1,16 +1,16 @@
 //! Learning rate over a run of N updates.
 //!
-//! `lr(s) = start + (end - start) s / N`; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
-//! The paper steps `1e-3 (1 - e/1000) + 1e-4 e/1000` once per epoch of 5000 updates; here every update steps.
+//! `lr(s) = start + (end - start) s / N`; during the w updates of the warm-up it is multiplied by `(s + 1) / w`. The
+//! paper's rate is `1e-3 (1 - e/1000) + 1e-4 e/1000` in epoch e of 5000 updates. Here the rate changes at every update.
 
 use crate::prelude::*;
 
 /// Linear decay with optional warm-up.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Schedule {
-    /// Rate of the first update (paper: 1e-3).
+    /// Learning rate of the first update (paper: 1e-3).
     pub start: f64,
-    /// Rate at the end of the decay (paper: 1e-4).
+    /// Learning rate at the end of the decay (paper: 1e-4).
     pub end: f64,
     /// Updates over which the rate rises from zero (paper: 0).
     pub warmup: u64,

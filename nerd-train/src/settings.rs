@@ -8,10 +8,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
-/// Keys with their values.
+/// Keys of settings, with their values.
 pub type Given = Map<String, Value>;
 
-/// A key with its help and range.
+/// A key of settings, with its help text and range.
 #[derive(Debug)]
 pub struct Key {
     #[doc(hidden)]
@@ -20,7 +20,7 @@ pub struct Key {
     pub doc: &'static str,
     /// Type and range of the value.
     pub values: Values,
-    /// Heading in a help; empty without one.
+    /// Heading above the key in the help text; empty without one.
     pub heading: &'static str,
     #[doc(hidden)]
     pub wanted: &'static str,
@@ -32,7 +32,7 @@ impl Key {
         self.field.replace('_', "-")
     }
 
-    /// Kind of value that is wanted, as helps show it: `FRAMES`, `FOLDER`.
+    /// Kind of value, as the help text shows it, for example `FRAMES` or `FOLDER`.
     pub fn wanted(&self) -> String {
         match self.values {
             _ if !self.wanted.is_empty() => self.wanted.into(),
@@ -152,7 +152,7 @@ pub fn listed(text: &str) -> Vec<String> {
 
 /// A struct of settings, made by `settings!`.
 pub trait Settings: Default + Serialize + DeserializeOwned {
-    /// All keys, with the keys of a shared struct.
+    /// All keys, including those of a shared struct.
     fn keys() -> Vec<&'static Key>;
 
     /// Keys with their values; an unset option is null.
@@ -179,8 +179,8 @@ pub trait Settings: Default + Serialize + DeserializeOwned {
 }
 
 /// Declares a struct of settings: `/// help`, `key: type = default, values, "WANTED";`, where WANTED is the kind of
-/// value that a help shows, by default the key. `# "Heading"` heads the keys below it. In front there may be a struct
-/// of settings shared with others.
+/// value that a help shows, by default the key. `# "Heading"` heads the keys below it. The first field may be a struct
+/// of settings shared with other structs, after `..`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! settings {

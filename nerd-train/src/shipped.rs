@@ -2,7 +2,8 @@
 
 use crate::prelude::*;
 
-/// Root of the workspace around the current folder. Empty if that is the current folder itself, or if there is none.
+/// Root of the workspace that contains the current folder. Empty if the current folder is the root, or if there is no
+/// workspace.
 pub fn root() -> PathBuf {
     let Ok(here) = std::env::current_dir() else { return PathBuf::new() };
     let whole = |folder: &&Path| {
@@ -14,8 +15,8 @@ pub fn root() -> PathBuf {
     }
 }
 
-/// A path relative to the workspace, as in artefacts. Elsewhere the last two parts, since other machines have other
-/// folders.
+/// A path relative to the workspace's root, as written into artefacts. Of an absolute path outside the workspace, only
+/// the last two parts are kept, since other machines have other folders.
 ///
 /// ```
 /// assert_eq!(nerd_train::shipped::from_root("/somewhere/else/ant/model".as_ref()), "ant/model");

@@ -13,7 +13,7 @@ static HEEDING: AtomicUsize = AtomicUsize::new(0);
 /// Grace period for work in progress once a run should end. After it, the work is interrupted and lost.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(5);
 
-/// While this lives, a run of the process ends with a checkpoint after a signal.
+/// Guard that [`heed`] returns. While it lives, a run of this process ends with a checkpoint after a signal.
 #[derive(Debug)]
 pub struct Heed(());
 
@@ -60,7 +60,7 @@ impl Stop {
         self.past(Duration::ZERO)
     }
 
-    /// Interrupts long work in progress once the grace period is over.
+    /// Returns [`Error::Stopped`] once the grace period is over, to interrupt long work in progress.
     pub(crate) fn check(self) -> Result<()> {
         if self.past(PATIENCE) { Err(Error::Stopped) } else { Ok(()) }
     }

@@ -1,18 +1,18 @@
 //! Replaces the oldest shards of a run's data with fresh shards, recorded in the background.
 //!
-//! A network that sees ten million transitions seventy times overfits: a pendulum's loss was 8e-4 on its data and 4e-3
-//! on new data. The settings alone determine which update replaces which shard, so a resumed run sees the same data. If
-//! recording is too slow, the learner waits.
+//! A network that sees ten million transitions seventy times overfits. A pendulum's loss was 8e-4 on its training data
+//! and 4e-3 on new data. The settings alone determine which update replaces which shard, so a resumed run sees the same
+//! data. If recording is too slow, the learner waits.
 
 use std::sync::mpsc::{Receiver, sync_channel};
 
 use crate::prelude::*;
 use crate::prepare::{MakeSolver, normalize, shard};
 
-/// Settings of a supply.
+/// Settings of the supply of fresh data.
 pub struct SupplyConfig {
-    /// Recording of the data at the start of the run, a whole number of shards. Fresh trajectories are numbered after
-    /// its last.
+    /// Settings of the recording at the start of the run, a whole number of shards. Numbers of fresh trajectories
+    /// follow those of this recording.
     pub data: GenerateConfig,
     /// Number of fresh shards in the whole run.
     pub shards: u64,
@@ -22,18 +22,18 @@ pub struct SupplyConfig {
     pub step: u64,
     /// Number of tokens in a window.
     pub history: usize,
-    /// Form of tokens and targets.
+    /// Content of tokens, and base of targets.
     pub form: Form,
-    /// Normaliser of the whole run.
+    /// Normaliser of tokens and targets, constant over the whole run.
     pub normalizer: Normalizer,
 }
 
-/// Yields fresh shards in order.
+/// Yields fresh shards of data in the order in which they are due.
 pub struct Supply {
     config: Arc<SupplyConfig>,
     /// By recording thread, its fresh shards in order. Of T threads, thread t records the shards t, t + T, t + 2 T, ..
     recorders: Vec<Receiver<Result<Windows, DatasetError>>>,
-    /// Number of shards in the data. Fresh shard k takes the slot k modulo `slots`.
+    /// Number of shards in the data, called slots. Fresh shard k replaces the shard in slot k modulo `slots`.
     slots: u64,
     /// Number of the fresh shard that [`Supply::take`] returns next.
     next: u64,
@@ -59,7 +59,7 @@ impl Supply {
         let slots = (trajectories / shard) as u64;
         let solver = Arc::new(solver);
         let mut supply = Self { recorders: Vec::new(), slots, next: 0, config: Arc::new(config) };
-        // A resumed run begins with the last fresh shard of each slot: it has replaced all earlier ones.
+        // A resumed run begins with the last fresh shard of each slot, which replaced all earlier shards there.
         let first = supply.due(supply.config.step).saturating_sub(slots);
         supply.next = first;
         for thread in 0..threads {
@@ -77,7 +77,7 @@ impl Supply {
                     k += threads;
                 }
             };
-            // A pool of one thread keeps solvers with internal parallelism out of the run's way.
+            // In a pool of one thread, solvers with internal parallelism take no threads from the run.
             let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
             pool.map_err(|e| format!("fresh data: {e}"))?.spawn(work);
             supply.recorders.push(receiver);

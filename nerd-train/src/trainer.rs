@@ -22,11 +22,11 @@ pub struct TrainerConfig {
     pub schedule: Schedule,
     /// Updates between validations (paper: 5000).
     pub validate_every: u64,
-    /// Updates between checkpoints (paper: 250 000). A killed run loses the updates since the last.
+    /// Updates between checkpoints (paper: 250 000). A killed run loses the updates since its last checkpoint.
     pub checkpoint_every: u64,
     /// Windows in a validation (paper: up to 100 batches of 512).
     pub validation_windows: usize,
-    /// Updates between lines of the record. Each waits for the device.
+    /// Updates between training lines of `metrics.jsonl`. Each line waits for the device.
     pub log_every: u64,
 }
 
@@ -40,11 +40,11 @@ impl TrainerConfig {
 }
 
 /// Called after each validation with the learner and the number of updates done. `Some(value)` becomes the criterion
-/// (smaller is better), for example a rollout error. `None` leaves the validation loss.
+/// (smaller is better), for example a rollout error. With `None`, the validation loss is the criterion.
 pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>> + 'a;
 
-/// A line of the record: means over the updates since the last training line, or one validation. `risen`: validations
-/// since the smallest loss, if the loss rises.
+/// A line of `metrics.jsonl`: means over the updates since the last training line, or one validation. `risen` counts
+/// the validations since the smallest loss, if the loss rises.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Line {
@@ -52,15 +52,16 @@ enum Line {
     Validation { step: u64, loss: f32, criterion: f64, best: bool, risen: Option<usize> },
 }
 
-/// Validations since the smallest loss, and multiple of that loss, above which a rise is more than noise.
+/// A rise of the validation loss counts from this many validations after the smallest loss on. The loss must exceed
+/// this multiple of the smallest.
 const RISE: (usize, f32) = (3, 1.02);
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Updates done.
+    /// Number of updates done, earlier sessions included.
     pub step: u64,
-    /// Whether the run is complete; else time ran out.
+    /// Whether all updates are done; if not, time ran out or a signal came.
     pub finished: bool,
     /// Step and criterion of `best.safetensors`; none before the first finite criterion.
     pub best: Option<(u64, f64)>,
@@ -73,8 +74,8 @@ pub struct Trainer {
     batch: usize,
     folder: PathBuf,
     run: String,
-    /// Time limit, from the call of [`Trainer::run`]. After it, or a signal ([`crate::stop`]), the run stops with a
-    /// checkpoint at the next update.
+    /// Time limit, counted from the call of [`Trainer::run`]. After it, or a signal ([`crate::stop`]), the run stops
+    /// with a checkpoint at the next update.
     pub stop_at: Option<Duration>,
 }
 
@@ -93,8 +94,8 @@ impl Trainer {
         Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None }
     }
 
-    /// Trains from the learner's step to the configured number of updates, or until time runs out. `fresh` data
-    /// replaces windows as it comes.
+    /// Trains from the learner's step to the configured number of updates, or until time runs out. Shards of `fresh`
+    /// replace windows before the updates at which they are due.
     ///
     /// # Errors
     /// If an update, a validation or a file fails. The last checkpoint stays as it was.
@@ -124,7 +125,7 @@ impl Trainer {
 
     fn lead(&self, first: u64) -> Result<Lead> {
         let metrics = Record::metrics(&self.folder, first)?;
-        // A new run in an old folder starts without a best.
+        // A run from update 0 ignores the best weights that an earlier run left in the folder.
         let best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
         let losses = validations(&self.folder);
         Ok(Lead {
@@ -165,7 +166,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Makes update `step`, counted from 0, after taking fresh data due before it; returns its learning rate.
+    /// Takes the fresh data due before update `step`, counted from 0, then makes the update. Returns its learning rate.
     fn update(&self, learner: &mut dyn Learner, fresh: &mut Option<Supply>, step: u64) -> Result<f64> {
         while let Some(shard) = fresh.as_mut().and_then(|supply| supply.take(step)) {
             let (trajectory, windows) = shard?;
@@ -203,7 +204,7 @@ impl Lead {
     }
 }
 
-/// Step and loss of the validations on record in a folder.
+/// Step and loss of each validation in the `metrics.jsonl` of a folder.
 fn validations(folder: &Path) -> Vec<(u64, f32)> {
     let text = nerd_sim::files::read_record(&folder.join("metrics.jsonl")).unwrap_or_default();
     let lines = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());

@@ -1,8 +1,8 @@
 //! Training windows: `history` consecutive transitions of one trajectory, normalised, in memory.
 //!
-//! A window never crosses the end of its trajectory: a trajectory of F frames gives F - h + 1 windows. A hash of (seed,
-//! step, row) alone chooses the window in row `row` of update `step`. So draws agree on every device and in a resumed
-//! run.
+//! A window never crosses the end of its trajectory: a trajectory of F frames gives F - `history` + 1 windows. A hash
+//! of (seed, step, row) alone chooses the window in row `row` of update `step`. So draws agree on every device and in a
+//! resumed run.
 
 /// Normalised inputs and targets of many trajectories of equal length.
 #[derive(Clone, Debug, Default)]
@@ -68,13 +68,14 @@ impl Windows {
         [self.inputs, self.outputs, self.frames, self.history]
     }
 
-    /// First token of a window, counted from the start of `x`; its tokens are consecutive.
+    /// Index of a window's first token, counted from the start of `x`. The window's tokens are consecutive.
     pub fn first_token(&self, window: usize) -> usize {
         window / self.per_trajectory() * self.frames + window % self.per_trajectory()
     }
 }
 
-/// The window (below `windows`) in row `row` of update `step`: three rounds of the splitmix64 finaliser.
+/// Draws the number of the window (below `windows`) in row `row` of update `step`, by three rounds of the splitmix64
+/// finaliser.
 pub fn draw(seed: u64, step: u64, row: u64, windows: u64) -> u64 {
     mix(mix(mix(seed) ^ step) ^ row) % windows
 }

@@ -20,7 +20,7 @@ pub fn pair(x: &[f64]) -> String {
     x.iter().map(|v| digits(*v)).join(" / ")
 }
 
-/// Three significant digits.
+/// Text of a number with three significant digits.
 pub fn digits(x: f64) -> String {
     if x == 0.0 || !x.is_finite() {
         return x.to_string();

@@ -10,10 +10,10 @@ constexpr int HALF = 6 + 2 * RODS, STATE = 2 * HALF;
 constexpr int GRIPPER = 12;                       // position, velocity, angles, rates
 constexpr int CHAIN = GRIPPER + 6 * RODS;         // the gripper, directions of rods, their rates
 
-// Axes of a link and its angular velocity, world.
+// Axes of a link and its angular velocity (rad/s), in world axes.
 struct Axes { V3 c[3]; V3 w; };
 
-// Rotates about body axis k.
+// Rotates the axes by `angle` (rad) about body axis k, at `rate` (rad/s).
 FN void turn(Axes& a, int k, double angle, double rate) {
     a.w = a.w + a.c[k] * rate;
     const double s = sin(angle), c = cos(angle);
@@ -31,7 +31,7 @@ FN Axes axes(const double* gripper) {
     return a;
 }
 
-// Direction of the gripper's x axis, and its rate.
+// Direction t of the gripper's x axis (world, unit length), and its rate (1/s).
 FN void points(const double* gripper, V3& t, V3& rate) {
     const double sy = sin(gripper[6]), cy = cos(gripper[6]), sp = sin(gripper[7]), cp = cos(gripper[7]);
     t = v3(cy * cp, sy * cp, -sp);
@@ -83,7 +83,8 @@ FN Ahead ahead(const double* gripper, const double* glided) {
     return a;
 }
 
-// Normal and gap of the nearest surface at a position, masked as in tokens. Returns 0 or LOST.
+// Normal and gap (m) of the surface nearest to a position. Beyond REACH the normal is 0 and the gap is REACH. Returns
+// 0, or LOST if a distance is NaN.
 FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double& gap) {
     double nearest = infinite();
     normal = v3(0, 0, 0);
@@ -109,7 +110,7 @@ FN void token(float* out, V3 along, V3 rate, V3 velocity, V3 normal, double gap,
     for (int i = INPUTS; i < LDX; i++) out = put(out, 0.0);
 }
 
-// Writes the rods' tokens, and the state of the chain for `apply`. Returns 0 or a fault code.
+// Writes the rods' tokens `[rod][LDX]`, and to `memo` the chain for `apply`. Returns 0 or a fault code.
 BIG int tell(const double* state, const double* tau, const double* scene, double* memo, float* tokens) {
     Surface surface[NC + 1];
     int surfaces = 0;
@@ -138,14 +139,14 @@ FN V3 said3(const float* said, int first) {
     return v3(said[first] * STRETCH[first], said[first + 1] * STRETCH[first + 1], said[first + 2] * STRETCH[first + 2]);
 }
 
-// Direction of a rod before normalisation and its rate u, with outputs added.
+// New direction of a rod before normalisation, and its new rate u (1/s): the old ones with the outputs added.
 FN V3 said(const double* chain, int k, const float* row, V3& u) {
     const V3 rate = read3(chain + GRIPPER + 3 * (RODS + k));
     u = rate + said3(row, 0);
     return read3(chain + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
 }
 
-// Replaces `state` by the next state, from the outputs `[rod][OUTPUTS]`. Returns 0 or GONE.
+// Replaces `state` by the next state, from the outputs `[rod][OUTPUTS]`. Returns 0, or GONE if a number is not finite.
 BIG int apply(double* state, const double* memo, const float* numbers) {
     double gripper[GRIPPER], next[STATE];
     for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + numbers[6 + k] * STRETCH[6 + k];

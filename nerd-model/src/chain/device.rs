@@ -1,6 +1,6 @@
 //! The computation around a chain's network as GPU code: the text of two kernels, `chain_tell` and `chain_apply`.
 //!
-//! They compute in 64 bits and use the vectors and surfaces of the articulated solver's kernels.
+//! The kernels compute in f64. They use the vectors and surfaces of the articulated solver's kernels.
 
 use nerd_sim::articulated::device::{number, surfaces};
 
@@ -9,8 +9,8 @@ use super::{layout::Chain, step::OUTPUTS};
 use crate::prelude::*;
 use crate::program::op::padded;
 
-/// Doubles that store a chain on a GPU: twelve of the gripper, directions of rods, their rates. The buffer between the
-/// two kernels holds one set per environment.
+/// Number of doubles that store a chain on a GPU: 12 of the gripper, then the rods' directions and their rates. The
+/// buffer between the two kernels holds this many per environment.
 pub fn numbers(chain: &Chain) -> usize {
     12 + 6 * chain.rods
 }
@@ -20,7 +20,7 @@ pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, col
     chain_functions(chain, scale, system, colliders) + include_str!("chain_frame.cuh")
 }
 
-/// As `chain_program`, without kernels: the functions that they call.
+/// As `chain_program`, but only the functions that the kernels call, without the kernels.
 pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
     text.define([("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)]);

@@ -8,15 +8,15 @@
 //! | 1, 1 | `tanh` of `d` one frame later over `3 r / 4`; whether a surface is near |
 //! | 12 | the gripper under its drives: `10 dv`, `v'`, half the change of its direction's rate, new direction |
 //!
-//! All in world axes. r is the rods' radius, d is measured from their surface. A token does not contain the chain's
-//! position.
+//! All vectors are in world axes. r is the rods' radius (m), and d is measured from their surface. A token does not
+//! contain the chain's position.
 
 use super::{Chain, Gripper, Rods};
 use crate::prelude::*;
 
 /// Width of a token.
 pub const INPUTS: usize = 30;
-/// Distance (m) up to which tokens contain surfaces, as in other models (paper A.1).
+/// Gap (m) up to which a token contains the nearest surface, the same as for other robots (paper A.1).
 pub(super) const REACH: f64 = 0.1;
 /// Scale (s/m) of the gripper's velocity change in a token.
 pub(super) const QUICK: f64 = 10.0;
@@ -25,7 +25,7 @@ pub(super) const QUICK: f64 = 10.0;
 struct Touch {
     /// Outward unit normal (world axes); zeros beyond [`REACH`].
     normal: Vector3<f64>,
-    /// Gap from the rod's surface (m), at most [`REACH`].
+    /// Gap (m) between the rod's surface and the nearest surface, at most [`REACH`].
     gap: f64,
 }
 
@@ -51,7 +51,7 @@ impl Look {
         let touch = |node: &Vector3<f64>| {
             let event = contact(node);
             let gap = event.distance - chain.radius;
-            // NaN is kept, so that it is reported.
+            // A gap of NaN is kept, so that the failure is reported.
             if gap >= REACH {
                 Touch { normal: Vector3::zeros(), gap: REACH }
             } else {
@@ -99,7 +99,7 @@ impl Look {
                 - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius
                 + f64::from(row[14]) * (1.0 - sharp * sharp) * 4.0 / chain.radius
                 + by_soon;
-            // Beyond reach the normal is zero, so the gap has no gradient.
+            // Beyond `REACH` the normal is zero, so the gradient through the gap vanishes.
             nodes.push(normal * by_gap);
             speeds.push(at(6) * 0.5 + normal * (0.5 * f64::from(row[15]) + by_soon * chain.frame_time));
             ahead.iter_mut().enumerate().for_each(|(i, sum)| *sum += at(18 + 3 * i));

@@ -3,7 +3,7 @@
 use super::Chain;
 use crate::prelude::*;
 
-/// State of a gripper. In an adjoint, the gradients with respect to these numbers.
+/// State of a gripper. In an adjoint pass, the fields hold gradients with respect to these numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gripper {
     /// Position (m, world).
@@ -27,14 +27,15 @@ impl Gripper {
         [&mut self.at, &mut self.velocity, &mut self.angles, &mut self.rates].into_iter().flat_map(|v| v.iter_mut())
     }
 
-    /// Direction of the gripper's x axis (world, unit length), `t = (cos y cos p, sin y cos p, -sin p)` for yaw y and
-    /// pitch p, and its rate (1/s).
+    /// Direction t of the gripper's x axis (world, unit length), then the rate of t (1/s). For yaw y and pitch p,
+    /// `t = (cos y cos p, sin y cos p, -sin p)`.
     pub fn points(&self) -> [Vector3<f64>; 2] {
         let [t, by_yaw, by_pitch, ..] = self.gradients();
         [t, by_yaw * self.rates.x + by_pitch * self.rates.y]
     }
 
-    /// t, its first derivatives by yaw and pitch, and its second ones: yaw-yaw, yaw-pitch, pitch-pitch.
+    /// The direction t of the x axis, its first derivatives by yaw and pitch, then its second ones: yaw-yaw, yaw-pitch,
+    /// pitch-pitch.
     fn gradients(&self) -> [Vector3<f64>; 6] {
         let ((sy, cy), (sp, cp)) = (self.angles.x.sin_cos(), self.angles.y.sin_cos());
         [
@@ -47,7 +48,7 @@ impl Gripper {
         ]
     }
 
-    /// Adjoint of [`Gripper::points`]: adds the gradient to `gradient`.
+    /// Adjoint of [`Gripper::points`]: adds the gradient with respect to the gripper to `gradient`.
     pub fn points_back(&self, upstream: [Vector3<f64>; 2], gradient: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.gradients();
         let [t, rate] = upstream;
@@ -60,8 +61,8 @@ impl Gripper {
 
 impl Chain {
     /// The gripper's motion in a frame under its drives alone, in closed form. `torques` (N, N m) act on its six axes.
-    /// With `e` the distance from `torque / stiffness` and `w` the natural frequency,
-    /// `e' = (e + (v + w e) dt) exp(-w dt)`, `v' = (v - w (v + w e) dt) exp(-w dt)`.
+    /// With `e` the coordinate minus its rest position `torque / stiffness`, `v` its rate and `w` the natural frequency
+    /// (rad/s), `e' = (e + (v + w e) dt) exp(-w dt)`, `v' = (v - w (v + w e) dt) exp(-w dt)`.
     pub fn glide(&self, gripper: &Gripper, torques: &[f64]) -> Gripper {
         let mut next = *gripper;
         for (k, torque) in torques.iter().enumerate().take(6) {
@@ -75,7 +76,8 @@ impl Chain {
         next
     }
 
-    /// Adjoint of [`Chain::glide`], a linear map: gradients with respect to the gripper before, from those after.
+    /// Adjoint of [`Chain::glide`], a linear map. Gives the gradient with respect to the gripper before the frame, from
+    /// that with respect to the gripper after it.
     pub fn glide_back(&self, upstream: &Gripper) -> Gripper {
         let mut gradient = *upstream;
         for k in 0..6 {
@@ -87,7 +89,7 @@ impl Chain {
     }
 }
 
-/// Coordinate and rate of axis k.
+/// Coordinate and rate of the gripper's axis k.
 fn axis(gripper: &mut Gripper, k: usize) -> [&mut f64; 2] {
     let Gripper { at, velocity, angles, rates } = gripper;
     if k < 3 { [&mut at[k], &mut velocity[k]] } else { [&mut angles[k - 3], &mut rates[k - 3]] }

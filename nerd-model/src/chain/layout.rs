@@ -8,13 +8,13 @@ const AXES: usize = 6;
 /// assumes.
 const NEAR: f64 = 0.01;
 
-/// The robot is not a chain.
+/// Error that the robot is not a chain.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("robot `{robot}` is not a chain that is learned rod by rod: {reason}")]
 pub struct NoChain {
     /// Name of the robot.
     pub robot: String,
-    /// The reason.
+    /// Why the robot is not a chain.
     pub reason: String,
 }
 
@@ -70,7 +70,7 @@ impl Chain {
         Ok(Self { rods, length, radius, frame_time: system.frame_time, home, stiffness, pulse })
     }
 
-    /// Whether motion is symmetric about z: drives of x and y are equal.
+    /// Whether the chain's motion is symmetric about the z axis, because the drives of x and y are equal.
     pub fn round(&self) -> bool {
         self.stiffness[0] == self.stiffness[1] && self.pulse[0] == self.pulse[1]
     }

@@ -9,7 +9,7 @@
 //!                           ▲ contacts of the scene, the gripper's glide
 //! ```
 //!
-//! Every step has an adjoint, for training through many frames.
+//! Every step of this computation has an adjoint, for training through rollouts of many frames.
 
 mod device;
 mod features;

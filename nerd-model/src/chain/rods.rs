@@ -1,17 +1,18 @@
 //! Exact conversion between joint coordinates and rods.
 //!
 //! R are the axes of the previous rod and w their angular velocity. A rod's hinges rotate by a about z and by b about
-//! the new y: `t = R Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So a and b are
-//! `atan2` of the components of t in R. With `r = dt/dt - w x t` and y, x', z the axes between the hinges,
-//! `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. The bend from rod to rod must be below a right angle.
+//! the new y: `t = R Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t` with the rod's angular
+//! velocity w'. So a and b are `atan2` of the components of t in R. With `r = dt/dt - w x t` and y, x', z the axes
+//! between the hinges, `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. The bend from rod to rod must be below a
+//! right angle.
 
 use super::{Chain, Gripper};
 use crate::prelude::*;
 
-/// State of a chain as rods. In an adjoint, the gradients with respect to these numbers.
+/// State of a chain as rods. In an adjoint pass, the fields hold gradients with respect to these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rods {
-    /// The gripper.
+    /// State of the gripper.
     pub gripper: Gripper,
     /// Direction of each rod, the gripper's end first (world, unit length).
     pub along: Vec<Vector3<f64>>,
@@ -20,7 +21,7 @@ pub struct Rods {
 }
 
 impl Rods {
-    /// Zeros for `rods` rods, the start of a gradient.
+    /// All numbers zero, for `rods` rods: the start of a sum of gradients.
     pub fn zeros(rods: usize) -> Self {
         Self { gripper: Gripper::default(), along: vec![Vector3::zeros(); rods], rates: vec![Vector3::zeros(); rods] }
     }
@@ -32,7 +33,7 @@ impl Rods {
     }
 }
 
-/// Axes of a link and their angular velocity (world).
+/// Axes of a link, and their angular velocity (rad/s), in world axes.
 struct Axes {
     r: Matrix3<f64>,
     w: Vector3<f64>,
@@ -43,7 +44,7 @@ impl Axes {
         self.r.column(k).into()
     }
 
-    /// Rotates by an angle about body axis k, at `rate`.
+    /// Rotates the axes by `angle` (rad) about body axis k, and adds `rate` (rad/s) about it to their angular velocity.
     fn turn(&mut self, k: usize, angle: f64, rate: f64) {
         self.w += self.column(k) * rate;
         let ((s, c), i, j) = (angle.sin_cos(), (k + 1) % 3, (k + 2) % 3);
@@ -65,7 +66,7 @@ impl Chain {
         6 + 2 * self.rods
     }
 
-    /// A state `[q, qd]` (m, rad; m/s, rad/s) as rods.
+    /// Converts a state `[q, qd]` (m, rad; m/s, rad/s) to rods.
     pub fn rods(&self, state: &[f64]) -> Rods {
         let (q, qd) = state.split_at(self.coordinates());
         let vector = |x: &[f64], first: usize| Vector3::new(x[first], x[first + 1], x[first + 2]);
@@ -87,7 +88,7 @@ impl Chain {
         Rods { gripper, along, rates }
     }
 
-    /// Writes rods as a state `[q, qd]`.
+    /// Converts rods to a state `[q, qd]` and writes it to `state`.
     pub fn state(&self, rods: &Rods, state: &mut [f64]) {
         let (q, qd) = state.split_at_mut(self.coordinates());
         let Gripper { at, velocity, angles, rates } = &rods.gripper;
@@ -110,7 +111,7 @@ impl Chain {
         }
     }
 
-    /// End of each rod, `x_i = gripper + l sum t` (m, world), and its velocity (m/s).
+    /// Position of each rod's end, `x_i = gripper + l sum t` (m, world), and the end's velocity (m/s).
     pub fn nodes(&self, rods: &Rods) -> [Vec<Vector3<f64>>; 2] {
         let sum = |from: Vector3<f64>, steps: &[Vector3<f64>]| {
             let mut at = from;
@@ -123,7 +124,8 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adjoint of [`Chain::nodes`]: adds the gradient to `gradient`. A rod moves its end and all ends after it.
+    /// Adjoint of [`Chain::nodes`]: adds the gradient with respect to the rods to `gradient`. A rod's direction moves
+    /// its own end and all ends after it.
     pub fn nodes_back(&self, upstream: &[Vec<Vector3<f64>>; 2], gradient: &mut Rods) {
         let Rods { gripper, along, rates } = gradient;
         let parts = [(&upstream[0], &mut gripper.at, along), (&upstream[1], &mut gripper.velocity, rates)];

@@ -1,6 +1,6 @@
 //! The learned solver of chains: contacts, one pass of the network, one step of the rods.
 //!
-//! It has no memory: the next state is a function of state, torques and scene.
+//! The solver has no memory: the next state is a function of state, torques and scene.
 
 use nerd_sim::solver::{Fault, check, commit};
 use rayon::prelude::*;
@@ -16,9 +16,9 @@ pub struct ChainSolver {
     chain: Chain,
     network: Loaded,
     scale: [f64; OUTPUTS],
-    /// Rows of a window with predictions: all rods.
+    /// Indices of the rows of a window that have predictions: all rods.
     rows: Vec<usize>,
-    /// One per thread.
+    /// Working memory, one entry per thread.
     work: Vec<Work>,
     next: Vec<f64>,
     faults: Vec<Fault>,

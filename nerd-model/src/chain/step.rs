@@ -1,13 +1,14 @@
 //! One frame of a chain: applies the network's outputs to rods.
 //!
-//! With the outputs `a` and `r` of a rod and T the frame time: `u = td + a`, `t' = t + T (td + u) / 2 + r` scaled to
-//! unit length, `td' = u - t' (t' . u)`. The gripper's outputs add to its motion under its drives ([`Chain::glide`]).
+//! A rod has the direction t, its rate td (1/s) and the outputs `a` and `r`. With the frame time T (s), `u = td + a`,
+//! `t' = t + T (td + u) / 2 + r` scaled to unit length, `td' = u - t' (t' . u)`. The gripper's outputs add to its
+//! motion under its drives ([`Chain::glide`]).
 
 use super::{Chain, Gripper, Rods};
 use crate::prelude::*;
 
-/// Outputs of a rod: change of rate (3), correction of the direction (3), and, for the first rod alone, correction of
-/// the gripper (12).
+/// Number of outputs of a rod: change of rate (3), correction of the direction (3), and, for the first rod alone,
+/// correction of the gripper (12).
 pub const OUTPUTS: usize = 18;
 
 /// A network's outputs for a chain's rods, `[rod][OUTPUTS]`, and their scales.
@@ -27,7 +28,7 @@ impl Outputs<'_> {
 }
 
 impl Chain {
-    /// The chain after the frame.
+    /// The chain after a frame, from the chain before, the gripper moved by its drives and the outputs.
     pub fn advance(&self, before: &Rods, glided: &Gripper, outputs: Outputs) -> Rods {
         let mut after = Rods { gripper: *glided, ..before.clone() };
         for k in 0..self.rods {
@@ -40,7 +41,7 @@ impl Chain {
         after
     }
 
-    /// Rate u and direction of a rod, before the direction is normalised and the rate made orthogonal.
+    /// New rate u and new direction of a rod, before the direction is normalised and u is made orthogonal to it.
     fn raw(&self, before: &Rods, k: usize, outputs: Outputs) -> (Vector3<f64>, Vector3<f64>) {
         let u = before.rates[k] + outputs.vector(k, 0);
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + outputs.vector(k, 3))

@@ -1,6 +1,6 @@
-// Kernels of a frame and its adjoint, one thread per environment. States and torques are `[env]`; gradients with
-// respect to next states, and results, are `[env][rows]`, and a launch computes row `row`. Tokens belong to `n` states,
-// in frames of `envs` environments.
+// Kernels of a frame and its adjoint, one thread per environment. States are `[env][STATE]`, torques `[env][NJ]`.
+// Gradients with respect to next states, and with respect to states and torques, are `[env][rows]`; a launch computes
+// row `row`. `gradients_look` writes tokens of `n` states, frame by frame, with `envs` environments in each frame.
 
 #define EACH                                                   \
     const int env = blockIdx.x * blockDim.x + threadIdx.x;     \
@@ -29,7 +29,7 @@ KERNEL gradients_back(const double* states, const double* scenes, const int* sce
     EACH
     const long long at = (long long)env * rows + row;
     const float* by_token = by_tokens + (long long)env * INPUTS;
-    // The gradients read and written here may share memory.
+    // `grad_next` and `gradients` may share memory, so the part read here is copied first.
     double behind[2 * NV];
     for (int i = 0; i < 2 * NV; i++) behind[i] = grad_next[at * 2 * NV + i];
     frame_back(state, scenes + (long long)scene_of[env] * SCENE, said + (long long)env * STATE, by_token, behind,

@@ -1,8 +1,8 @@
 //! The computation around the network as GPU code: the text of two kernels, `neural_tell` and `neural_apply`. A small
 //! network itself becomes one kernel, `whole_pass`. [`crate::chain`] has the kernels around a chain's network.
 //!
-//! They build on the articulated solver's kernels ([`nerd_sim::articulated::device`]). Like these they also compile as
-//! plain C++, so tests need no GPU.
+//! The kernels build on those of the articulated solver ([`nerd_sim::articulated::device`]). All of them also compile
+//! as plain C++, so tests need no GPU.
 
 mod residual;
 mod whole;
@@ -18,11 +18,12 @@ pub use crate::program::op::padded;
 pub use residual::held_in_f16;
 pub use whole::{Products, Whole};
 
-/// Threads that write one environment's token.
+/// Number of threads that write one environment's token.
 pub const LANES: usize = 4;
 
-/// One kernel for a network over windows of `tokens` tokens, `[T][padded inputs]`: a chain's, or in f16 a residual
-/// network (`program/networks.rs`). `None` for other networks, or if the network does not fit.
+/// One kernel that evaluates a network over windows of `tokens` tokens, `[tokens][padded inputs]`. The network is a
+/// chain's, or with f16 products a residual network (`program/networks.rs`). `None` for other networks, or if the
+/// network does not fit into the kernel.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
     if products == Products::F16 {
         residual::residual(program).filter(|_| tokens == 1)
@@ -36,14 +37,14 @@ pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: 
     token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
 }
 
-/// A frame and its adjoint in 64 bits: kernels `gradients_look`, `gradients_said` and `gradients_back`. The network
-/// runs between them.
+/// A frame and its adjoint in f64: kernels `gradients_look`, `gradients_said` and `gradients_back`. The network runs
+/// between them.
 pub fn gradient_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
     let functions = token_functions(form, normalizer, system, Real::F64, reach);
     functions + include_str!("tokens_back.cuh") + include_str!("gradients_frame.cuh")
 }
 
-/// As `program`, without kernels: `tell` and `apply`, for other kernels.
+/// As `program`, but only the functions `tell` and `apply`, for use in other kernels.
 fn token_functions(
     form: Form,
     normalizer: &Normalizer,

@@ -1,5 +1,5 @@
-//! A residual network as one kernel, `whole_pass`, with f16 matrix products on tensor cores: its text, and its weights
-//! in reading order.
+//! A residual network as one kernel, `whole_pass`, with f16 matrix products on tensor cores. This file makes the
+//! kernel's text, and puts the weights in the order in which the kernel reads them.
 
 use std::borrow::Cow;
 
@@ -10,12 +10,13 @@ use super::whole::{Products, Whole, shape};
 use crate::program::config::{Architecture, TransformerConfig};
 use crate::{program::Program, program::op::padded};
 
-/// Rows of a block, and its warps. The block keeps all sums in registers and reads every weight once.
+/// Rows that a block computes, and warps of a block. The block keeps all sums in registers and reads every weight once.
 const ROWS: usize = 64;
 const WARPS: usize = 8;
-/// Steps (of sixteen inner numbers) to prefetch. Reads also go beyond the last step.
+/// Number of steps whose weights are prefetched; a step covers sixteen numbers of the inner dimension. Prefetching also
+/// reads beyond the last step.
 const AHEAD: usize = 4;
-/// Inner sizes are padded to a multiple of this, whole turns of the prefetch ring.
+/// Inner dimensions are padded to a multiple of this, so that the prefetch ring makes whole turns.
 const TURN: usize = 16 * AHEAD;
 
 /// Whether f16 represents the matrices of a program's blocks exactly, as for models stored in f16.
@@ -25,7 +26,7 @@ pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
     blocks.all(|(t, at)| flat[at..at + t.len()].iter().all(|x| f16::from_f32(*x).to_f32() == *x))
 }
 
-/// The kernel of a network, if it fits.
+/// The kernel of a residual network, if the network fits into the kernel.
 pub(super) fn residual(program: &Program) -> Option<Whole> {
     let TransformerConfig { inputs, outputs, embedding: e, layers, .. } = shape(program, Architecture::Residual)?;
     if !e.is_multiple_of(8 * WARPS) || e > 256 || outputs > e {
@@ -44,13 +45,15 @@ pub(super) fn residual(program: &Program) -> Option<Whole> {
 }
 
 impl Whole {
-    /// The weights in the kernel's reading order. Unchanged unless products are in f16.
+    /// The weights in the order in which the kernel reads them. Without f16 products, that order is the order of
+    /// `flat`.
     pub fn packed<'a>(&self, program: &Program, flat: &'a [f32]) -> Cow<'a, [f32]> {
         if self.products == Products::F16 { packed(program, flat).into() } else { flat.into() }
     }
 }
 
-/// Matrices of E columns in order of use as pairs of f16, then biases and norm weights, E numbers each.
+/// Packs the matrices, E columns wide and in order of use, as pairs of f16. Then come biases and norm weights, E
+/// numbers each.
 fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     let e = program.steps.first().map_or(0, |step| program.width(step.to));
     let mut tensors =
@@ -71,8 +74,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
                 }
                 tensors.next();
             }
-            // Outside the blocks files keep f32 matrices, so the rounding residuals of matrix and row are multiplied
-            // too.
+            // Files keep matrices outside the blocks in f32. So the f16 rounding residuals of matrix and row are
+            // multiplied, too.
             ([rows, columns], _) => {
                 for part in [f16::from_f32, |x| f16::from_f32(x - f16::from_f32(x).to_f32()), f16::from_f32] {
                     pack(

@@ -7,7 +7,7 @@ constexpr int STATE = NQ + NV;
 
 struct Event { V3 p0, normal, p1; real distance; };
 
-// The scene's nearest point to contact point p, relative to the root.
+// Finds the scene's point nearest to contact point p, relative to the root.
 FN Event look(const Work& w, int p) {
     Event e;
     e.distance = infinite();
@@ -22,7 +22,8 @@ FN Event look(const Work& w, int p) {
     return e;
 }
 
-// Nearness of a gap, as in features.rs; and the gap, now or one frame later at this velocity.
+// Nearness of a gap, as in features.rs. Then the gap (m) of contact point p, now or one frame later at the velocity
+// `speed`.
 FN real nearness(real gap) { return gap / sqrt(gap * gap + (real)(NEAR * NEAR)); }
 FN real gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? (real)FRAME_TIME * dot(e.normal, speed) : 0);
@@ -102,7 +103,8 @@ FN void exponential(V3 u, double* q) {
     q[3] = cos(0.5 * angle);
 }
 
-// Rotation vector and translation of the root at the mean of the velocities before and after, in body axes.
+// Rotation vector (rad) and translation (m) of the root over a frame, in body axes. They are at the mean of the
+// velocities before and after the frame.
 FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     V3 a, b;
     own_velocity(state, a, b);
@@ -124,7 +126,7 @@ FN void trapezoid(const double* state, double* change) {
     for (int k = 0; k < 4; k++) change[3 + k] = turned[k];
 }
 
-// Applies a prediction to `state`. Returns 0 or GONE.
+// Applies a prediction to `state`. Returns 0, or GONE if a number is not finite.
 BIG int apply(double* state, const float* prediction) {
     double change[STATE], next[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];

@@ -1,7 +1,7 @@
 // Adjoint of a frame around the network in 64 bits, as in nerd_model's gradients.rs and trapezoid.rs.
 
 // Gradient with respect to the change of the state, from the gradient with respect to the next state. Adds the direct
-// part to `gradient`.
+// part of the gradient with respect to the state before the frame to `gradient`.
 FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* gradient) {
     double change[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
@@ -35,7 +35,7 @@ FN void change_back(const double* state, const float* said, const double* behind
     add3(gradient + NV + 3, by_speed);
 }
 
-// Adjoint of `trapezoid`.
+// Adjoint of `trapezoid`: `by` is the gradient with respect to the change on entry, and to the prediction on return.
 FN void trapezoid_back(const double* state, const float* said, double* by, double* gradient) {
     const double time = TRAPEZOID;
     if (time == 0) return;
@@ -158,7 +158,7 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     if (MOVING) onto(t, impulse, gradient + NV);
 }
 
-// The state after a frame. A failed one becomes NaN, so that it is reported.
+// Writes the state after a frame. A failed state becomes NaN, so that the failure is reported.
 FN void advance(const double* state, const float* said, double* after) {
     for (int k = 0; k < STATE; k++) after[k] = state[k];
     if (apply(after, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();

@@ -1,4 +1,4 @@
-// Kernels of a frame.
+// Kernels of a frame: the first writes tokens, the second applies predictions.
 
 // Writes tokens of `n` environments, LANES threads each; failed ones are skipped. `held` says whether one set of
 // torques serves all frames.

@@ -70,7 +70,7 @@ template <int WIDE, int L> FN void norm(const float* x, float* y) {
     SYNC;
 }
 
-// x += P, by position in the window.
+// x += P[k], with k the position of a row's token in its window.
 template <int WIDE, int L> FN void place(const float* table, float* x) {
     EACH(i, ROWS * WIDE) x[i / WIDE * L + i % WIDE] += table[i % (T * WIDE)];
     SYNC;

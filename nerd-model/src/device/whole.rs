@@ -16,7 +16,7 @@ const MOST_WARPS: usize = 8;
 /// Arithmetic of the matrix products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Products {
-    /// f32.
+    /// Operands and sums in f32.
     F32,
     /// Tensor cores with f16 operands and f32 sums, for devices of compute capability 8 and above.
     F16,
@@ -24,11 +24,11 @@ pub enum Products {
 
 /// A network's pass as one kernel.
 pub struct Whole {
-    /// Source text.
+    /// Source text of the kernel.
     pub text: String,
-    /// Threads of a block.
+    /// Number of threads in a block.
     pub threads: usize,
-    /// Windows that a block computes.
+    /// Number of windows that a block computes.
     pub windows: usize,
     /// Shared memory of a block (bytes).
     pub shared: usize,
@@ -48,7 +48,7 @@ pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<Tra
     (layers > 0 && shape.program() == *program).then_some(shape)
 }
 
-/// The kernel of a chain's program; `None` for another network, or if it does not fit.
+/// The kernel of a chain's program; `None` for another network, or if the network does not fit into the kernel.
 pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let TransformerConfig { inputs, outputs, embedding: e, .. } = shape(program, Architecture::Chain)?;
     let [embed, place, blocks @ .., _, out] = &program.steps[..] else { return None };
@@ -56,7 +56,7 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let starts = program.starts();
     // Row stride in shared memory that avoids bank conflicts.
     let apart = |width: usize| width.next_multiple_of(4) + 4;
-    // Strides and sizes of the residual stream h, the normalised rows and the activations.
+    // Row stride and size (floats) of each of these: the residual stream h, the normalised rows, the activations.
     let (row, size) = (apart(e), tokens * apart(e));
 
     let linear = |step: &Step,

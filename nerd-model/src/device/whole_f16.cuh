@@ -1,7 +1,7 @@
 // A residual network: a block has ROWS rows. Their residual stream stays in registers, as the sums of matrix products
 // on tensor cores. Operands are f16 (10-bit mantissa, like TF32's), sums f32. Every matrix is E columns wide; narrower
-// ones are padded. Each warp computes E / WARPS columns of all rows. It alone reads their weights, once, in
-// residual.rs's order, and prefetches AHEAD steps of sixteen inner numbers.
+// ones are padded. Each warp computes E / WARPS columns of all rows. Only that warp reads the weights of its columns,
+// once, in residual.rs's order. It prefetches AHEAD steps of sixteen inner numbers.
 
 constexpr int WIDE = 3;                                   // hidden units, in multiples of E
 constexpr int TILES = E / 8 / WARPS, BANDS = ROWS / 16;   // tiles of mma.m16n8k16: of a warp's columns, of all rows
@@ -75,7 +75,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
     for (int step = 0; step < N; step += AHEAD) {
 #pragma unroll
         for (int slot = 0; slot < AHEAD; slot++) {
-            // Operands of the next step; for the last step, memory behind the row.
+            // Loads the operands of the next step; after the last step, unused numbers behind the row.
             operands(a[(slot + 1) % 2], from += 32, LD);
 #pragma unroll
             for (int j = 0; j < TILES; j++)
@@ -90,7 +90,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
                           "r"(w.ring[slot][j].y));
                 }
             ahead(w, slot);
-            // Otherwise the compiler delays all reads to the end of the loop body, just before their use.
+            // Without this, the compiler delays all reads to the end of the loop body, just before their use.
             __syncwarp();
         }
     }
@@ -137,8 +137,8 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
 }
 #endif
 
-// Nearly f32: rows and matrix are each f16 plus a rounding residual; the product of the two residuals is left out.
-// Afterwards all threads may write rows.
+// sum += x W in nearly f32: rows and matrix are each f16 plus a rounding residual. The product of the two residuals is
+// left out. Afterwards all threads may write rows.
 template <int N> FN void exact(const half* x, const half* left, Weights& w, Sum& sum) {
 #pragma unroll 1
     for (int part = 0; part < 3; part++) product<N, LX>(part < 2 ? x : left, w, sum);
@@ -196,8 +196,8 @@ FN void norm(Sum& x, const float* weight, float* parts, half* y, half* left) {
 }
 
 FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {
-    // Activations alternate between two buffers. At the start and the end this memory holds the rounding residuals of
-    // x.
+    // Activations alternate between two buffers. At the start and the end of the pass, the same memory holds the
+    // rounding residuals of x.
     half *x = (half*)s, *h = x + ROWS * LX;
     float* parts = (float*)(h + ROWS * (LX > 2 * LH ? LX : 2 * LH));
     const float* vectors = w + (STEPS + AHEAD) * 8 * E;   // E numbers each
@@ -218,13 +218,13 @@ FN void pass(const float* w, const float* tokens, float* out, float* s, int rows
         norm(stream, vectors += E, parts, x, 0);
 #pragma unroll 1
         for (int k = 0; k < WIDE; k++) {
-            // The buffer of the step before the last; all threads have read it.
+            // The buffer used two steps before, which all threads have read.
             half* here = h + k % 2 * ROWS * LH;
 #pragma unroll 1
             for (int part = 0; part < 2; part++) {
                 fill(wide, 0);
                 product<E / 16, LX>(x, weights, wide);
-                // The two factors of a gated unit are side by side.
+                // a and b are the two factors of a gated unit.
                 each(wide, [&](int, int row, int c, float& a, float& b) {
                     put(here + row * LH + (part * E + c) / 2, gelu(a) * b);
                 });

@@ -4,7 +4,8 @@ FN float factor(float x) { return x; }
 
 struct Four { float x[4]; };
 
-// Four numbers from an address that is a multiple of four; `weights` reads only those within the row.
+// Reads four numbers from an address that is a multiple of four. `weights` gives zeros for columns beyond the row's
+// end.
 FN Four four(const float* p) {
 #ifdef __CUDACC_RTC__
     const float4 v = *(const float4*)p;

@@ -14,7 +14,7 @@ use crate::prelude::*;
 use crate::transformer::{Architecture, TransformerConfig};
 use crate::{base::Base, features::Features, program::config::usual};
 
-/// Robot, data and training of a model; `config.json`.
+/// Robot, data and training of a model: the content of `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
@@ -51,8 +51,7 @@ pub struct ModelConfig {
 }
 
 impl ModelConfig {
-    /// Reads the configuration from a model's folder and checks the shape of the network, whatever the other files
-    /// hold.
+    /// Reads the configuration from a model's folder and checks the shape of the network. The other files are not read.
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
@@ -112,9 +111,9 @@ pub enum ModelError {
     /// A file or folder cannot be read or written, or its content is invalid.
     #[error("{path}: {reason}", path = path.display())]
     Folder {
-        /// The file or folder.
+        /// The file or folder that is wrong.
         path: PathBuf,
-        /// The reason, one line.
+        /// What is wrong, in one line.
         reason: String,
     },
     /// A chain's model, for a robot that is not a chain.

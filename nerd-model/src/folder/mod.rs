@@ -24,7 +24,7 @@ use config::{read_json, wrong};
 /// A trained network with normaliser and provenance.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Description.
+    /// Robot, data and training of the model (`config.json`).
     pub config: ModelConfig,
     /// Shift and scale of inputs and outputs.
     pub normalizer: Normalizer,
@@ -56,7 +56,7 @@ impl Model {
         Ok(model)
     }
 
-    /// As `Model::load`, without checking the hashes: after a change of a file, before new hashes are written.
+    /// As `Model::load`, without checking the hashes. For use after a file was changed, before new hashes are written.
     pub fn read(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let config = ModelConfig::read(folder)?;
         config.check(folder, system, truth)?;

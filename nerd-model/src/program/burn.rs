@@ -9,7 +9,7 @@ use super::op::{Activation, Op, Program, Slot, Weight};
 /// A program with parameters on one device.
 pub struct BurnNetwork {
     program: Program,
-    /// In the order of the program's tensors.
+    /// Parameters, in the order of the program's tensors.
     parameters: Vec<Tensor<1>>,
     device: Device,
 }
@@ -32,7 +32,7 @@ impl BurnNetwork {
     }
 
     /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first.
-    /// A Transformer is causal.
+    /// A Transformer's prediction depends on no later token.
     pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [windows, tokens, inputs] = x.dims();
         let mut slots: Vec<Option<Tensor<2>>> = vec![None; self.program.widths.len()];
@@ -93,7 +93,8 @@ impl BurnNetwork {
     }
 }
 
-/// Attention: `[rows, 3 E]` as `[q k v]` to `[rows, E]`. With a band and frequencies, queries and keys are rotated.
+/// Attention from `[q k v]`, `[rows, 3 E]`, to its output `[rows, E]`. With a band and frequencies, queries and keys
+/// are rotated.
 fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[f64])>) -> Tensor<2> {
     let ([rows, width], device) = (qkv.dims(), qkv.device());
     let (windows, e, d) = (rows / tokens, width / 3, width / 3 / heads);

@@ -63,11 +63,11 @@ pub enum Positions {
     Rotary,
 }
 
-/// Base of the rotary angles: pair m of a head of width d has `ROTARY_BASE^(-2m/d)` rad per token. Below the 10 000 of
-/// language models, which have thousands of tokens of context.
+/// Base of the rotary angles: column pair m of a head of width d rotates by `ROTARY_BASE^(-2m/d)` rad per token.
+/// Language models, with thousands of tokens of context, use a larger base, 10 000.
 const ROTARY_BASE: f64 = 100.0;
 
-/// Largest number of parameters: 4 GiB of weights.
+/// Largest number of parameters, 4 GiB in f32.
 const MOST_PARAMETERS: usize = 1 << 30;
 
 impl TransformerConfig {

@@ -64,9 +64,9 @@ fn transformer(c: &TransformerConfig) -> Program {
     p
 }
 
-/// The Transformer of a single token. Attention over one key returns its value, so it is omitted. Its MLPs are gated,
-/// since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and b three times as
-/// wide as x. The head is linear, `W_out LN(x) + b_out`.
+/// The Transformer of a single token. Attention over one key returns that key's value, so attention is omitted. Its
+/// MLPs are gated, since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and
+/// b three times as wide as x. The head is linear, `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
     let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
@@ -108,7 +108,8 @@ pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program
     p
 }
 
-/// Distance of the mixed rods, block by block: after eight blocks each of forty rods depends on all others.
+/// Distance (rods) of the neighbours that each block mixes. After eight blocks, each of forty rods depends on all
+/// others.
 const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 
 /// A network along a chain, with the rods of one frame as tokens ([`crate::chain`]).

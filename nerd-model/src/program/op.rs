@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Rows of one width, one per token.
+/// Index of a slot, a matrix of activations with one row per token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Slot(pub usize);
 
@@ -10,7 +10,7 @@ pub struct Slot(pub usize);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Weight(pub usize);
 
-/// Activation function.
+/// Activation function f(x).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Activation {
@@ -24,7 +24,7 @@ pub enum Activation {
     Elu,
 }
 
-/// Operation of a step, from x of the slot it reads to y of the slot it writes.
+/// Operation of a step, from x, the slot that it reads, to y, the slot that it writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Op {
     /// `y = x diag(scale) W + bias`, or `y += ...` if `add`. `scale` is the weight of the preceding layer norm; engines
@@ -32,9 +32,9 @@ pub enum Op {
     Linear {
         /// W, `[in, out]`.
         weight: Weight,
-        /// `[in]`.
+        /// Scale of each input, `[in]`.
         scale: Option<Weight>,
-        /// `[out]`.
+        /// Bias of each output, `[out]`.
         bias: Option<Weight>,
         /// Whether to add to y.
         add: bool,
@@ -48,11 +48,11 @@ pub enum Op {
     Attend {
         /// Number of heads. Each head has an equal part of the columns of q, k and v.
         heads: usize,
-        /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: all tokens of the
-        /// window up to itself, without rotation.
+        /// Number of tokens that a token attends to, itself included, with rotary positions. `None`: a token attends to
+        /// all tokens of the window up to itself, without rotation.
         band: Option<usize>,
     },
-    /// `y_k = [x_{k-d} x_k x_{k+d}]`, d tokens apart in a window, zeros beyond its ends.
+    /// `y_k = [x_{k-d} x_k x_{k+d}]`, with tokens d apart in a window, and zeros beyond the window's ends.
     Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
@@ -60,12 +60,12 @@ pub enum Op {
     Gate,
 }
 
-/// One operation between two slots.
+/// One operation from a slot to a slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Step {
-    /// Slot to read.
+    /// Slot that the step reads.
     pub from: Slot,
-    /// Slot to write.
+    /// Slot that the step writes.
     pub to: Slot,
     /// The operation.
     pub op: Op,
@@ -114,7 +114,7 @@ impl Program {
         [0].into_iter().chain(ends).collect()
     }
 
-    /// Appends a tensor.
+    /// Appends a tensor of parameters; returns its index.
     pub fn tensor(&mut self, name: &str, shape: &[usize], init: Init) -> Weight {
         self.tensors.push(TensorSpec { name: name.into(), shape: shape.to_vec(), init });
         Weight(self.tensors.len() - 1)
@@ -171,11 +171,11 @@ pub struct TensorSpec {
 /// Distribution of a tensor's initial entries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Init {
-    /// N(0, sigma).
+    /// Normal with mean 0 and this standard deviation.
     Normal(f64),
     /// Uniform in +-1/sqrt(fan_in), the usual initialisation of a linear layer.
     FanIn(usize),
-    /// Constant.
+    /// The same value for every entry.
     Constant(f64),
 }
 

@@ -20,9 +20,9 @@ pub struct Specimen {
     pub upstream: Vec<f32>,
 }
 
-/// Windows of a specimen.
+/// Number of windows in a specimen.
 pub const WINDOWS: usize = 5;
-/// Tokens per window.
+/// Number of tokens per window of a specimen.
 pub const TOKENS: usize = 6;
 
 impl Specimen {
@@ -50,7 +50,7 @@ impl Specimen {
     }
 }
 
-/// The operation between two linear steps, so that its upstream gradient varies and weights precede it.
+/// A specimen of an operation between two linear steps, so that its upstream gradient varies and weights precede it.
 fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> Specimen {
     let mut p = Program::new(3);
     let x = p.linear("first", p.tokens(), width, [Init::Normal(0.8), Init::Normal(0.5)]);

@@ -1,7 +1,7 @@
 //! Evaluation of networks over windows: the interface to any engine, and the CPU engine.
 //!
-//! On the CPU rows are split into blocks, one per thread at a time, with activations in the L2 cache. Once tokens mix
-//! no more, only the newest are computed.
+//! On the CPU rows are split into blocks, one per thread at a time, with activations in the L2 cache. After the last
+//! step that mixes tokens, only the newest token of each window is computed.
 
 use rayon::prelude::*;
 
@@ -23,7 +23,7 @@ pub trait Forward: Send {
 #[derive(Debug, thiserror::Error)]
 #[error("network: {message}")]
 pub struct ForwardError {
-    /// The reason.
+    /// Why the network could not be evaluated.
     pub message: String,
 }
 

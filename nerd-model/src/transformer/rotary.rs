@@ -1,7 +1,8 @@
 //! [`Stream`] for rotary positions on the CPU: caches keys and values of old tokens and computes one token per frame.
 //!
-//! Keys and queries are rotated once, by their position since the last clear, so their product depends only on
-//! distance. The angle is stored as a unit vector that every frame rotates, so it never loses precision.
+//! Keys and queries are rotated once, by their position since the last clear. So the product of a query and a key
+//! depends only on their distance in time. The angle is stored as a unit vector that every frame rotates, so it never
+//! loses precision.
 
 use pulp::Arch;
 use rayon::prelude::*;
@@ -22,18 +23,18 @@ pub struct PackedStream {
 struct Network {
     config: TransformerConfig,
     loaded: Loaded,
-    /// Cosine and sine of a frame's rotation, `[d / 2]`.
+    /// Cosine and sine of the rotation in one frame, `[d / 2]`.
     turn: Vec<(f64, f64)>,
     /// Floats in the cache of a layer.
     ring: usize,
 }
 
 struct Env {
-    /// Tokens since the last clear.
+    /// Number of tokens since the last clear.
     taken: usize,
     /// Cosine and sine of the newest token's position, `[d / 2]`.
     place: Vec<(f64, f64)>,
-    /// Caches, `[layer][ring]`.
+    /// Cached keys and values, `[layer][ring]`.
     past: Vec<f32>,
 }
 

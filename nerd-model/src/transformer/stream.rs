@@ -1,11 +1,11 @@
-//! Frame-by-frame evaluation of a network, and an adapter for engines of windows.
+//! Frame-by-frame evaluation of a network, and an adapter for engines that evaluate windows.
 
 use super::forward::{Forward, ForwardError, ForwardResult};
 use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, with memory of earlier frames.
 ///
-/// Predictions equal the training pass over all frames since the environment was cleared.
+/// Predictions equal those of the training pass over all frames since the environment was cleared.
 pub trait Stream: Send {
     /// Evaluates one frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major. Predictions in
     /// normalised target units replace `out`: `[env][outputs]`. The number of environments must not change.
@@ -20,7 +20,7 @@ pub trait Stream: Send {
 pub struct Windowed<F> {
     forward: F,
     config: TransformerConfig,
-    /// `[env][reach][inputs]`, oldest first.
+    /// Stored tokens, `[env][reach][inputs]`, oldest first.
     tokens: Vec<f32>,
     /// Number of stored tokens of each environment.
     held: Vec<usize>,

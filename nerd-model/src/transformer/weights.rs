@@ -28,7 +28,7 @@ impl From<safetensors::SafeTensorError> for WeightsError {
 /// Precision of parameters in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Storage {
-    /// f32.
+    /// All parameters as f32.
     F32,
     /// Matrices of the blocks as f16 (10-bit mantissa, the precision of training on tensor cores). The first and the
     /// last layers stay f32.
@@ -40,7 +40,7 @@ pub enum Storage {
 pub struct Weights {
     /// Shape of the network.
     pub config: TransformerConfig,
-    /// Parameters, tensor after tensor.
+    /// All parameters, tensor after tensor.
     pub flat: Vec<f32>,
 }
 
@@ -94,7 +94,7 @@ impl Weights {
     pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
         config.check().map_err(WeightsError)?;
         let n = config.parameters() as u64;
-        // From all f16 to all f32 with the longest header.
+        // File sizes (bytes) from all parameters in f16 to all in f32 with the longest header.
         let (least, most) = (2 * n, 4 * n + (1 << 24));
         match (least..=most).contains(&found) {
             true => Ok(()),

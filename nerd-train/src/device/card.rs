@@ -1,4 +1,4 @@
-//! Solvers with whole frames on a GPU, with a fallback for batches without kernels.
+//! Solvers that compute whole frames on a GPU, with a fallback for batches that have no kernels.
 
 use nerd_sim::articulated::device::{Real, Resident, Roll};
 use nerd_sim::solver::Gradients;
@@ -6,7 +6,8 @@ use nerd_sim::solver::Gradients;
 use crate::learner::cuda::{self, Precision};
 use crate::prelude::*;
 
-/// A model as a solver: whole frames on the device, or `alone` where that has no kernels for them.
+/// Makes a solver that computes whole frames of a model on the GPU. Without kernels for the model, calls `alone` for a
+/// solver.
 pub(super) fn frames(
     model: Model,
     system: &Arc<System>,
@@ -27,22 +28,22 @@ pub(super) fn frames(
     }
 }
 
-/// Makes the fallback.
+/// Function that makes the fallback solver.
 type Make = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
 
-/// Whole frames on the GPU, until a batch has no kernels (a scene with hills, say). From then on only the network runs
-/// on the GPU; of a chain nothing does.
+/// Computes whole frames on the GPU until a batch has no kernels (a scene with hills, say). From then on only the
+/// network runs on the GPU, and a chain runs on the CPU.
 struct WithFallback {
     whole: Box<dyn Roll>,
     stepped: bool,
-    /// Makes the fallback, once.
+    /// Makes the fallback; `None` after that.
     alone: Option<Make>,
     rest: &'static str,
     fallback: Option<Box<dyn Solver>>,
 }
 
 impl WithFallback {
-    /// The solver that makes the next frames.
+    /// The solver that computes the next frames.
     fn present(&mut self) -> &mut dyn Solver {
         match &mut self.fallback {
             Some(fallback) => &mut **fallback,
@@ -58,14 +59,14 @@ impl Solver for WithFallback {
         }
         let why = match self.whole.step(batch, torques) {
             Err(StepError::Refused(why)) => why,
-            // The size of a robot is checked when its kernels are compiled, at the first step.
+            // Kernels are compiled at the first step, which refuses a robot that is too large for them.
             Err(StepError::Solver(why)) if !self.stepped => why,
             done => {
                 self.stepped = true;
                 return done;
             }
         };
-        // If the fallback refuses the batch, too, its own error is returned.
+        // If the fallback refuses the batch, too, the fallback's error is returned.
         let Some(alone) = self.alone.take() else { return Err(StepError::Refused(why)) };
         let mut fallback = alone().map_err(|e| StepError::Solver(format!("{why}; without kernels: {e}")))?;
         let done = fallback.step(batch, torques);

@@ -111,8 +111,8 @@ impl Device {
         self.solver(Model::load(folder, system, truth)?, system, envs)
     }
 
-    /// A model as a solver of `system` for up to `envs` environments. A GPU computes whole frames where it has kernels,
-    /// else the network alone.
+    /// A model as a solver of `system` for up to `envs` environments. A GPU computes whole frames if the model has
+    /// kernels, else only the network.
     pub fn solver(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
         if self.is_cuda() {
@@ -140,7 +140,7 @@ pub(crate) fn truth_on_card(system: &System) -> Box<dyn Solver> {
         config,
         nerd_sim::articulated::device::Real::F64,
     ));
-    // A build without `cuda` has refused the GPU before.
+    // A build without `cuda` has refused the GPU before this call.
     #[cfg(not(feature = "cuda"))]
     Box::new(nerd_sim::articulated::Articulated::new(config))
 }

@@ -16,7 +16,8 @@ fn root(system: &System, names: [&str; 2]) -> impl Iterator<Item = String> {
     names.map(String::from).into_iter().filter(move |_| known)
 }
 
-/// Figures in the order of [`quantities`], as tables show them. Above two joints, their mean replaces them.
+/// Shortens figures in the order of [`quantities`] for a table. With more than two joints, one mean replaces the
+/// joints' figures.
 pub fn summary(system: &System, figures: &[f64]) -> Vec<f64> {
     let joints = system.robot.joint_count();
     if joints <= 2 {
@@ -41,7 +42,7 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// Distances between states of `system`.
+    /// Prepares distances between states of `system`.
     pub fn new(system: &Arc<System>) -> Self {
         Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
     }
@@ -49,7 +50,7 @@ impl Gaps {
     /// Absolute differences (m, rad) of two states, in the order of [`quantities`].
     ///
     /// # Panics
-    /// If `out` has fewer entries.
+    /// If `out` has fewer entries than there are quantities.
     pub fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         let coords = self.system.robot.root_coords();
         let mut at = 0;
@@ -64,7 +65,7 @@ impl Gaps {
         }
     }
 
-    /// Largest joint speed, and the root's angular and linear speed (0 if fixed).
+    /// Largest joint speed (rad/s or m/s), then the root's angular (rad/s) and linear (m/s) speed, 0 for a fixed root.
     pub(super) fn speeds(&self, state: &[f64]) -> [f64; 3] {
         let robot = &self.system.robot;
         let mut state = state.to_vec();
@@ -75,7 +76,8 @@ impl Gaps {
     }
 }
 
-/// Angle between two orientations (rad), from the chord of the quaternions: exactly 0 for equal ones.
+/// Angle (rad) between two orientations, from the distance between their quaternions. It is exactly 0 for equal
+/// orientations.
 fn angle(a: &UnitQuaternion<f64>, b: &UnitQuaternion<f64>) -> f64 {
     let (near, far) = ((a.coords - b.coords).norm(), (a.coords + b.coords).norm());
     4.0 * near.min(far).atan2(near.max(far))

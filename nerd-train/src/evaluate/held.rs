@@ -4,14 +4,14 @@ use nerd_sim::drive::{Drive, holding, specified};
 
 use crate::prelude::*;
 
-/// Time between targets (s).
+/// Time between new targets (s).
 const PERIOD: f64 = 0.02;
 
-/// Random targets of drives, by period and start.
+/// Random targets of the joints' drives, which change every [`Held::every`] frames.
 pub struct Held {
     /// Drives of one environment, at the default pose.
     pub rest: Vec<Drive>,
-    /// Frames between targets.
+    /// Number of frames between new targets.
     pub every: usize,
     /// Offsets of the targets from the default pose (rad or m), `[target][env][joint]`.
     pub targets: Vec<Vec<Vec<f64>>>,
@@ -31,7 +31,8 @@ impl Held {
         Self { rest, every, targets }
     }
 
-    /// Drives for target number `target`, `[env][joint]`. Environments repeat the starts cyclically.
+    /// Drives `[env][joint]` with target number `target`. Environments beyond the number of starts repeat the starts'
+    /// targets cyclically.
     pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
         let of = |own: &Vec<f64>| {
             self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect_vec()

@@ -1,10 +1,11 @@
-//! Error of passive rollouts: a solver against the truth, from equal starts, without actions (paper 5.1). Protocol of
-//! the reference simulator: starts as at a robot's reset; mean absolute difference over all steps and trajectories;
-//! endless angles wrapped. A position law holds its target; without one there is no torque.
+//! Errors of passive rollouts: a solver's states against the truth's, from equal starts, without actions (paper 5.1).
+//! The protocol is the reference simulator's. Starts are drawn as at a robot's reset. The error is the mean absolute
+//! difference over all steps and trajectories; unlimited angles are wrapped. A robot's position law holds the default
+//! pose; without such a law there is no torque.
 //!
-//! The baseline `hold` repeats the start. Diverged rollouts are counted and stay in every mean. `tally.rs` has the
-//! sums, for these rollouts and for those against recorded motion (`pieces.rs`). A step is one frame here.
-//! `crate::verdict` compares a model's errors with those of other solvers, by the same functions.
+//! The baseline `hold` predicts the start state at every step. Diverged rollouts are counted and stay in every mean.
+//! `tally.rs` sums the errors of these rollouts and of rollouts against recorded motion (`pieces.rs`). A step is one
+//! frame here. `crate::verdict` compares a model's errors with other solvers' errors, computed by the same functions.
 
 use std::fmt;
 
@@ -23,7 +24,7 @@ use tally::Tally;
 
 use crate::prelude::*;
 
-/// Frames of the paper's passive protocol, by robot name.
+/// Frames per rollout in the paper's passive protocol, by robot name.
 pub fn horizon(robot: &str) -> usize {
     match robot.strip_suffix("-paper").unwrap_or(robot) {
         "cartpole" => 1000,
@@ -41,13 +42,13 @@ pub struct PassiveConfig {
     pub steps: usize,
     /// Seed of the starts (reference: 500).
     pub seed: u64,
-    /// Torques at the joints.
+    /// What drives the joints during the rollouts.
     #[serde(default)]
     pub action: Action,
 }
 
 impl PassiveConfig {
-    /// Refuses settings without a defined mean.
+    /// Refuses counts and factors out of range, and recorded motion, which has starts and torques of its own.
     pub fn check(&self) -> Result<(), String> {
         within("starts", self.starts as f64, 1.0..=1e9, "")?;
         within("steps", self.steps as f64, 1.0..=1e9, "")?;
@@ -76,8 +77,8 @@ pub enum Action {
     Zero,
     /// No torque, even with a controller.
     Limp,
-    /// Random torques as in training data, times this factor. They are drawn at the truth's state and given to both
-    /// solvers.
+    /// Random torques as in training data, times this factor. They are drawn at the truth's state; truth and solver get
+    /// the same torques.
     Random(f64),
     /// Drives with the robot's gains and random targets ([`Held`]) within this distance (rad or m) of the default pose.
     Held(f64),

@@ -1,11 +1,11 @@
-//! Rollouts against recorded motion, of a log or of robots of a family.
+//! Rollouts compared with recorded motion, from a log or from robots of a family.
 
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 
 use super::tally::{PassiveReport, Tally};
 use crate::prelude::*;
 
-/// Pieces of recorded trajectories of equal length, one per environment.
+/// Pieces of recorded trajectories, all equally long, one per environment.
 #[derive(Clone)]
 pub struct Pieces {
     /// The robot with nominal parameters.
@@ -16,7 +16,7 @@ pub struct Pieces {
     pub scenes: Vec<Arc<Scene>>,
     /// Frames of history shown to a solver before its rollout.
     pub before: usize,
-    /// States `[frame][piece][q, qd]`, one more than the frames.
+    /// States `[frame][piece][q, qd]`, one frame more than of torques.
     pub states: Vec<Vec<f64>>,
     /// Torques `[frame][piece][joint]`.
     pub torques: Vec<Vec<f64>>,
@@ -24,7 +24,7 @@ pub struct Pieces {
 
 impl Pieces {
     /// Pieces of the trajectories that `config` records with `truth`; varied parameters are drawn per trajectory. The
-    /// first `before` states are as noisy sensors show them. Later states, with the start of the rollout, have no
+    /// first `before` states are sensor readings with noise. Later states, from the start of the rollout on, have no
     /// noise.
     ///
     /// # Errors
@@ -82,12 +82,12 @@ impl Pieces {
         self.scenes.len()
     }
 
-    /// Frames of a rollout.
+    /// Frames of a rollout after its history.
     pub fn frames(&self) -> usize {
         self.torques.len() - self.before
     }
 
-    /// Errors of a solver in rollouts after the shown history.
+    /// Rolls out a solver after the shown history and returns its errors against the recorded states.
     ///
     /// # Errors
     /// If the solver fails as a whole, or in a frame of the history.
@@ -101,7 +101,7 @@ impl Pieces {
         }
         for frame in 0..self.before {
             solver.step(&mut batch, &self.torques[frame])?;
-            // The recorded state replaces the prediction; a solver with memory sees it in the next frame.
+            // The recorded state replaces the prediction; a solver with memory sees the recorded one in the next frame.
             batch.states.copy_from_slice(&self.states[frame + 1]);
         }
         let (first, mut tally) = (&self.states[self.before], Tally::new(&self.system, n));

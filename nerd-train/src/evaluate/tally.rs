@@ -1,9 +1,9 @@
-//! Sums over rollouts for a [`PassiveReport`].
+//! Sums of errors over rollouts, for a [`PassiveReport`].
 
 use super::gaps::{Gaps, quantities};
 use crate::prelude::*;
 
-/// A rollout with a coordinate beyond this (rad or m) is frozen.
+/// A rollout with an entry of q or qd beyond this (m, rad, m/s or rad/s) is frozen.
 const GONE: f64 = 1e5;
 /// A rollout faster than this multiple of the truth's largest speed has diverged.
 const FAST: f64 = 3.0;
@@ -13,37 +13,40 @@ const SLOW: f64 = 0.1;
 /// Errors of one solver against the truth. Figures are in the order of [`super::quantities`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PassiveReport {
-    /// Mean absolute difference over all steps and trajectories.
+    /// Mean absolute difference between solver and truth (m or rad), over all steps and trajectories.
     pub error: Vec<f64>,
-    /// Standard error of that mean, over trajectories.
+    /// Standard error of [`PassiveReport::error`], over trajectories.
     pub standard_error: Vec<f64>,
-    /// The same mean for a predictor that repeats the start.
+    /// The same as [`PassiveReport::error`] for a predictor that repeats the start state.
     pub hold: Vec<f64>,
-    /// Mean absolute difference over trajectories and quantities, by step from 1.
+    /// Mean absolute difference between solver and truth over trajectories and quantities, by step; entry 0 is step 1.
     pub curve: Vec<f64>,
-    /// Number of rollouts that failed, left 1e5, or passed three times the truth's largest joint, angular or linear
-    /// speed (at least 0.3).
+    /// Number of rollouts that failed, had an entry of q or qd beyond 1e5, or became too fast. Too fast is three times
+    /// the truth's largest joint, angular or linear speed, at least 0.3 (rad/s or m/s).
     pub diverged: usize,
-    /// First step with a rollout that failed or left 1e5.
+    /// First step at which a rollout failed or had an entry of q or qd beyond 1e5.
     pub first_divergence: Option<usize>,
-    /// Number of rollouts that the solver could not continue. They stay in place and are compared with the truth there.
+    /// Number of rollouts that the solver could not continue. Their states stay constant and are still compared with
+    /// the truth.
     #[serde(default)]
     pub failed: usize,
 }
 
-/// Sums over the steps so far, of `n` rollouts.
+/// Sums of the errors of `n` rollouts over the steps so far.
 pub(super) struct Tally {
     gaps: Gaps,
     n: usize,
     width: usize,
-    /// Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold.
+    /// Sums over steps of |difference| from the truth, `[trajectory][quantity]`: of the solver, and of the baseline
+    /// `hold`.
     sums: [Vec<f64>; 2],
-    /// Present |difference| by trajectory and quantity; constant once the rollout is frozen.
+    /// Present |difference| between solver and truth, `[trajectory][quantity]`; constant once the rollout is frozen.
     last: Vec<f64>,
-    /// Largest speeds (joint, angular, linear): of the truth over all rollouts, of the solver by rollout.
+    /// Largest speeds so far (joint, angular, linear): `fastest` of the truth over all rollouts, `speeds` of the solver
+    /// by rollout.
     fastest: [f64; 3],
     speeds: Vec<[f64; 3]>,
-    /// By rollout, the step that froze it, and the step of the solver's first failure.
+    /// By rollout: `gone` is the step that froze the rollout, `failed` the step of the solver's first failure.
     gone: Vec<Option<usize>>,
     failed: Vec<Option<usize>>,
     curve: Vec<f64>,
@@ -84,7 +87,7 @@ impl Tally {
         for env in 0..self.n {
             let row = env * d..(env + 1) * d;
             if !self.add(env, step, [&real[row.clone()], learned.state(env), &first[row.clone()]]) {
-                // Keeps a frozen rollout from overflow.
+                // Resets a frozen rollout to its start, so that its numbers do not overflow.
                 learned.reset(env, &first[row]);
                 solver.reset(env);
             }
@@ -94,7 +97,8 @@ impl Tally {
         Ok(())
     }
 
-    /// Adds a step of one rollout, from the states of truth, solver and start. Returns whether the rollout goes on.
+    /// Adds the errors of one rollout at one step, from the states of truth, solver and start. Returns whether the
+    /// rollout goes on.
     fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
         let row = env * self.width..(env + 1) * self.width;
         if self.gone[env].is_none() {

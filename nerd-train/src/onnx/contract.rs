@@ -4,12 +4,12 @@ use super::terms::{Action, Law, Seen};
 use super::{law::actions, quantity::observation};
 use crate::{ppo::Policy, prelude::*};
 
-/// The contract, as JSON. World axes are the robot file's, units SI, quaternions x y z w. Position and velocity of the
-/// root are taken at its origin.
+/// The contract, as JSON. World axes are those of the robot's file, units are SI, quaternions are x y z w. The root's
+/// position and velocity are those of its origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Contract {
-    /// The policy's task.
+    /// Name of the policy's task.
     pub task: String,
     /// SHA-256 of weights and moments ([`Policy::sha256`]).
     pub policy_sha256: String,
@@ -25,24 +25,25 @@ pub struct Contract {
     pub robot: String,
     /// SHA-256 of everything that the robot's motion depends on ([`System::robot_sha256`]).
     pub robot_sha256: String,
-    /// The scene of the training.
+    /// Name of the scene in which the policy was trained.
     pub scene: String,
     /// World gravity (m/s^2).
     pub gravity: [f64; 3],
-    /// Time between torques (s).
+    /// Length of a frame (s), the time between torques.
     pub frame_time: f64,
-    /// Frames per action.
+    /// Number of frames over which an action is kept.
     pub frames_per_action: u64,
     /// Actions per second (Hz).
     pub rate: f64,
-    /// Number of stacked observations, one step apart. At the start of an episode, the first one fills all places.
+    /// Number of stacked observations, one step apart. At the start of an episode, all of them are the first
+    /// observation.
     pub observations_seen: usize,
-    /// Name and range of each command; quantity `goal` of number k is entry k.
+    /// Name and range of each command. In `observation`, the quantity `goal` with index k is entry k here.
     #[serde(default)]
     pub commands: Vec<(String, [f64; 2])>,
-    /// Numbers of the observation, in order; `last action` of number k refers to entry k of `action`.
+    /// Numbers of the observation, in order. The quantity `last action` with index k is entry k of `action`.
     pub observation: Vec<Seen>,
-    /// How actions become torques, read off the task's formulas.
+    /// How actions become torques, found in the task's formulas.
     pub law: Law,
     /// Numbers of the action, in order.
     pub action: Vec<Action>,
@@ -51,7 +52,7 @@ pub struct Contract {
 }
 
 impl Contract {
-    /// The contract of a policy of `task`, for the ONNX bytes `model` with this input and operator version.
+    /// The contract of a policy of `task`, for the ONNX bytes `model` with this input name and operator set version.
     pub(super) fn of(policy: &Policy, task: &dyn Task, model: &[u8], input: &str, opset: u64) -> Result<Self> {
         let system = task.system()?;
         let (law, action) = actions(task, &system);
@@ -79,7 +80,8 @@ impl Contract {
         })
     }
 
-    /// Numbers that the contract cannot describe, a line each.
+    /// Says which numbers of the observation and of the action the contract cannot describe, a line for each of the
+    /// two.
     pub fn unknown(&self) -> Vec<String> {
         let places = (0..)
             .zip(&self.observation)

@@ -1,11 +1,12 @@
-//! Finds how actions become torques in the task's recorded formulas.
+//! Finds, in the task's recorded formulas, how actions become torques.
 
 use nerd_tasks::formula::{Forms, Tape, Traced};
 
 use super::terms::{Action, Law};
 use crate::prelude::*;
 
-/// Identifies a task's law and its actions: torques proportional to single actions, or the robot's controller.
+/// Identifies a task's law from actions to torques. Known laws are torques proportional to single actions, and the
+/// robot's controller.
 pub(super) fn actions(task: &dyn Task, system: &System) -> (Law, Vec<Action>) {
     let (tape, n, joints) = (Tape::default(), task.action_dim(), system.robot.joint_count());
     let sight = task.sight(&tape, system);
@@ -41,7 +42,7 @@ pub(super) fn actions(task: &dyn Task, system: &System) -> (Law, Vec<Action>) {
     }
 }
 
-/// The actions, if torques are proportional to them and each acts on a single joint.
+/// Describes the actions, if torques are proportional to actions and each action acts on a single joint.
 fn direct(forms: &Forms, torques: &[Traced], action: &[Traced], system: &System) -> Option<Vec<Action>> {
     let rows: Vec<(Vec<f64>, f64)> = torques.iter().map(|tau| forms.linear(*tau, action)).collect::<Option<_>>()?;
     if rows.iter().any(|(_, offset)| *offset != 0.0) {

@@ -7,9 +7,9 @@
 //! frames ─ newest, differences ─ (x - mean) / scale ─ clip to 5 ─ Gemm, activation, ... Gemm ─ clip to 1 ─ action
 //! ```
 //!
-//! The input is `observation` `[batch, numbers]`, or for stacked observations `observations`
-//! `[batch, frames, numbers]`, newest first. At the start of an episode all frames are the first observation. Value and
-//! spread are left out.
+//! The input is `observation`, `[batch, numbers]`. For stacked observations, it is `observations`,
+//! `[batch, frames, numbers]`, newest first. At the start of an episode all frames are the first observation. The graph
+//! leaves out the policy's value estimate and the spread of its actions.
 
 mod contract;
 mod law;
@@ -26,12 +26,13 @@ use wire::Message;
 pub use contract::Contract;
 pub use terms::{Action, Law, Seen};
 
-/// Versions of operator set and file format: the oldest that suffice, for old runtimes. GELU needs newer ones.
+/// Versions of the ONNX operator set and file format. They are the oldest that suffice, for old runtimes; GELU needs
+/// newer ones.
 fn versions(f: Activation) -> [u64; 2] {
     if f == Activation::Gelu { [20, 9] } else { [13, 7] }
 }
 
-/// Data types of ONNX tensors.
+/// Codes of the data types of ONNX tensors.
 const FLOAT: u64 = 1;
 const INT64: u64 = 7;
 
@@ -142,7 +143,7 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     model.0
 }
 
-/// Name of the producer in the file.
+/// Name of the producer, written into the ONNX file.
 const PRODUCER: &str = "nerd-train";
 
 /// Writes the ONNX file to `out`, and the contract to the same name with the extension `json`.
@@ -154,7 +155,7 @@ pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> 
     if beside == out {
         refuse!("--out {}: the contract will be there; name the model otherwise, as policy.onnx", out.display());
     }
-    // An ONNX file from here has the producer's name near its start.
+    // An ONNX file that this function wrote has the producer's name near its start.
     replaceable(out, |bytes| bytes.windows(PRODUCER.len()).take(100).any(|at| at == PRODUCER.as_bytes()))
         .and_then(|()| replaceable(&beside, |_| has_keys(&beside, &["onnx_sha256", "policy_sha256"])))
         .map_err(|e| format!("--out: {e}"))?;

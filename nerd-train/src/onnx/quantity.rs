@@ -1,6 +1,6 @@
-//! Identifies the numbers of an observation in the task's recorded formulas. The quantities that a robot's sensors and
-//! base estimate give are recorded beside them; a number is a quantity if their normal forms agree up to scale and
-//! offset. So contracts are true for any task, without annotations.
+//! Finds what each number of an observation is, from the task's recorded formulas. The quantities that a robot's
+//! sensors and base estimate give are recorded on the same tape. A number is a quantity if the normal forms of both
+//! agree up to scale and offset. So contracts are true for any task, without annotations.
 
 use nerd_tasks::formula::{Forms, Number, Sight, Tape, Traced, rotation};
 
@@ -17,7 +17,7 @@ struct Quantity<'a> {
     value: Traced<'a>,
 }
 
-/// All quantities, the simplest first.
+/// All quantities that a policy may observe, the simplest first.
 fn quantities<'a>(task: &dyn Task, sight: &Sight<'a>) -> Vec<Quantity<'a>> {
     let (system, mut all) = (sight.system(), Vec::new());
     let robot = &system.robot;
@@ -91,7 +91,7 @@ pub(super) fn observation(task: &dyn Task, system: &System) -> Vec<Seen> {
     row.into_iter().map(|number| seen(number, &forms, &all)).collect()
 }
 
-/// The quantity that a number is, up to scale and offset.
+/// Finds the quantity that equals a number up to scale and offset.
 fn seen(number: Traced, forms: &Forms, all: &[Quantity]) -> Seen {
     if let Some(offset) = forms.constant(number) {
         return Seen { quantity: Some("constant".into()), offset, ..Seen::default() };

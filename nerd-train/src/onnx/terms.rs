@@ -12,9 +12,9 @@ pub struct Seen {
     pub of: String,
     /// Unit of the quantity.
     pub unit: String,
-    /// Factor.
+    /// Factor of the quantity.
     pub scale: f64,
-    /// Offset.
+    /// Offset, added after the factor.
     pub offset: f64,
 }
 
@@ -46,9 +46,9 @@ pub enum Law {
 pub struct Action {
     /// The actuated joint; empty for [`Law::Own`].
     pub joint: String,
-    /// Unit of `scale`: of a torque, or of a target's distance.
+    /// Unit of `scale`: N m or N for a torque, rad or m for a target's distance.
     pub unit: String,
-    /// Torque or distance for an action of 1.
+    /// Torque, or distance of the target, for an action of 1.
     pub scale: f64,
     /// Default position of the joint (rad or m).
     pub default_q: f64,

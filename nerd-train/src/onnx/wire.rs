@@ -1,5 +1,5 @@
-//! Protocol Buffers wire format, as far as an ONNX writer needs it. A crate would bring a schema compiler or thousands
-//! of generated lines, for seven messages.
+//! Protocol Buffers wire format, as far as an ONNX writer needs it. A crate for these seven messages would bring a
+//! schema compiler or thousands of generated lines.
 
 /// A message with the fields written so far.
 #[derive(Clone, Debug, Default)]
@@ -20,7 +20,7 @@ impl Message {
         self
     }
 
-    /// A text or raw bytes.
+    /// Writes a field of text or raw bytes.
     pub fn bytes(&mut self, field: u64, bytes: impl AsRef<[u8]>) -> &mut Self {
         let bytes = bytes.as_ref();
         self.varint(field << 3 | 2);
@@ -29,7 +29,7 @@ impl Message {
         self
     }
 
-    /// A nested message, written by `write`.
+    /// Writes a nested message, whose fields `write` adds.
     pub fn message(&mut self, field: u64, write: impl FnOnce(&mut Self)) -> &mut Self {
         let mut inner = Self::default();
         write(&mut inner);

@@ -4,7 +4,7 @@ mod page;
 mod solids;
 
 pub use page::{Ground, Replay, Track, poses};
-// For pages with several replays.
+// Used by pages with several replays.
 #[doc(hidden)]
 pub use page::{SCRIPT, escape, fill, script};
 pub use solids::Solid;
@@ -12,8 +12,8 @@ pub use solids::Solid;
 use crate::ppo::{Actor, Policy, Running};
 use crate::prelude::*;
 
-/// Replays an episode of the first environment, from its present state to its end: poses, goals and return so far. Also
-/// gives the total reward. [`Replay::html`] is the page.
+/// Plays an episode of the first environment, from its present state to its end. Returns the replay (poses, goals,
+/// return so far) and the total reward. [`Replay::html`] makes the page.
 pub fn episode(policy: &Policy, episodes: &mut Episodes, title: &str) -> Result<(Replay, f64), StepError> {
     let dt = episodes.simulation.batch.system.frame_time * episodes.task.frames() as f64;
     let mut page = Replay::new(title, &episodes.simulation.batch, dt);

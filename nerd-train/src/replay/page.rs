@@ -11,14 +11,14 @@ use crate::prelude::*;
 pub const SCRIPT: &str = include_str!("replay.js");
 const PAGE: &str = include_str!("replay.html");
 
-/// The data of a page. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
+/// The data of a page. Lengths are in m. A pose is a position, then a quaternion x y z w, in world axes.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Replay {
     /// Title above the picture.
     pub title: String,
     /// Time between frames (s).
     pub dt: f64,
-    /// Unit vector against gravity.
+    /// Unit vector against gravity (world axes).
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
@@ -28,9 +28,9 @@ pub struct Replay {
     pub shapes: Vec<Solid>,
     /// Motions: the first is solid, the others are ghosts.
     pub tracks: Vec<Track>,
-    /// Goal by frame, if the task has a place as goal (m).
+    /// Goal position (m) by frame, if the task's goal is a place.
     pub goals: Vec<Vec<f32>>,
-    /// Return so far by frame, if there is one.
+    /// Sum of rewards so far, by frame; empty if the motion has no rewards.
     pub rewards: Vec<f32>,
     /// Mean distance (m) of the contact points in the first two motions, by frame; empty before [`Replay::compare`].
     pub apart: Vec<f32>,
@@ -41,7 +41,7 @@ pub struct Replay {
 pub struct Track {
     /// Name of the motion.
     pub name: String,
-    /// Poses by frame and link.
+    /// Poses `[frame][link]`, each a position (m) and a quaternion x y z w.
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 
@@ -58,7 +58,7 @@ pub struct Ground {
     pub heights: Vec<f32>,
     /// Position of the first node at height 0 (m).
     pub origin: [f64; 3],
-    /// Axes x, y, up.
+    /// Unit vectors of the grid's axes x, y, up, in world axes.
     pub axes: [[f64; 3]; 3],
 }
 

@@ -21,13 +21,14 @@ pub type Surface = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 pub struct Solid {
     /// Index of the link that the shape is fixed to; `None` for a shape of the scene.
     pub link: Option<usize>,
-    /// Hue (degrees).
+    /// Hue of the shape (degrees).
     pub hue: f64,
-    /// Pose in the link's axes, or a scene's shape in world axes: position (m), then quaternion x y z w.
+    /// Pose in the link's axes, or in world axes for a scene's shape: position (m), then quaternion x y z w.
     pub pose: [f32; 7],
     /// `box`, `sphere`, `cylinder` or `capsule` (along z), or `hull`.
     pub kind: &'static str,
-    /// Half edges (m) of a box or of a hull's bounding box. Otherwise radius and half length (m), 0 for a sphere.
+    /// Half edges (m) of a box or of a hull's bounding box. Otherwise radius and half length (m); a sphere's half
+    /// length is 0.
     pub size: Vec<f64>,
     /// Surface of a hull about the centre of its bounding box; triangles are counter-clockwise from outside.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,7 +98,7 @@ fn bones(system: &System, visuals: &[Solid]) -> Vec<Solid> {
     let robot = &system.robot;
     let cable = system.source == Source::Cable;
     let bare = (0..robot.links.len()).filter(|link| visuals.iter().all(|solid| solid.link != Some(*link)));
-    // Ends (m) in the link's axes, at least a millimetre from its joint.
+    // Ends (m) of a link's bones in the link's axes, at least a millimetre from its joint.
     let ends = |link: usize| {
         let children = robot.links.iter().filter(move |child| child.parent == Some(link));
         let joints = children.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));

@@ -8,9 +8,10 @@ use crate::records::rows;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
 
-/// Networks with more weights are stored in f16. A small network errs so little that rounding would dominate its error.
+/// Networks with more weights are stored in f16. A small network has so small an error that rounding to f16 would
+/// dominate it.
 const LARGE: usize = 1_000_000;
-/// Starts of the verdict on a new model.
+/// Number of starts in the verdict on a new model.
 const JUDGED: usize = 16;
 
 /// Settings and data that determine a run's bytes. Checkpoints store them, so that no run is resumed as another one.
@@ -33,11 +34,11 @@ pub(super) struct Identity {
     pub unrolled: Option<usize>,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
-    /// Epsilon of the targets' variance, unless it is the default.
+    /// Number added to the variance of every target; `None` for the default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     pub arithmetic: String,
-    /// Starts of the rollouts in the criterion.
+    /// Number of rollouts in the criterion.
     pub rollouts: usize,
     pub frames: usize,
     pub torque_scale: f64,
@@ -51,15 +52,15 @@ pub(super) struct Identity {
     pub held_out: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
-    /// Transitions recorded during the run.
+    /// Number of transitions recorded during the run.
     pub fresh: usize,
-    /// History and SHA-256 of the model that the run started from.
+    /// Training history and SHA-256 of the model that the run started from.
     pub from: Option<String>,
     pub from_sha256: Option<String>,
 }
 
 impl Identity {
-    /// The identity of a run, except its data.
+    /// The identity of a run, except its data's hash, which stays empty.
     pub fn of(plan: &Plan) -> Self {
         let RunConfig { record, rollouts, transitions, .. } = &plan.config;
         let RecordConfig { frames, torque_scale, hold, resets, .. } = *record;
@@ -96,15 +97,15 @@ impl Identity {
     }
 }
 
-/// The state to resume from, if the folder has one. Refuses the state of another run; data is compared once it is
-/// known.
+/// Reads the state to resume from, if the folder has one. Refuses the state of another run. The data's hash and size
+/// are compared only if `run` has the hash.
 pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>> {
     let path = checkpoint::last(out);
     if !path.exists() {
         return Ok(None);
     }
     let mut found: serde_json::Value = serde_json::from_str(&checkpoint::config(&path)?).map_err(Error::file(&path))?;
-    // Through a text, like the stored one: a value alone would widen f32 to f64.
+    // Converted through text, like the stored identity: a direct conversion would widen f32 to f64.
     let asked = serde_json::to_string(run).map_err(Error::file(&path))?;
     let asked: serde_json::Value = serde_json::from_str(&asked).map_err(Error::file(&path))?;
     if run.data_sha256.is_empty() {
@@ -144,7 +145,7 @@ fn history(config: &ModelConfig) -> String {
     let ModelConfig { updates, batch, transitions, .. } = config;
     let run =
         format!("{} of a run of {updates} updates of {batch} windows on {transitions} transitions", row("weights"));
-    // The policies' names are on that model's card.
+    // Only the policies' share is kept: their names are on that model's card.
     let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
     let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));
     let run = format!(
@@ -213,8 +214,8 @@ pub(super) fn export(
     Ok(())
 }
 
-/// The verdict on the stored model in the robot's usual scene, from starts that no selection used. It is appended to
-/// the card.
+/// The verdict on the stored model in the robot's usual scene, from starts that did not select the weights. The verdict
+/// is appended to the card.
 fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>> {
     let Plan { system, config, .. } = plan;
     let model = Model::load(folder, system, None)?;
@@ -228,7 +229,7 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
-    // A fixed arm that holds its pose does not move.
+    // A fixed arm that holds its pose does not move, so it gets random torques.
     let action =
         if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
     let seed = config.record.seed.wrapping_add(2_000);

@@ -9,9 +9,10 @@ use crate::unroll::chain::distance;
 /// Added to the criterion (rad or m) if a rollout diverged, so that such weights rank last.
 const ASTRAY: f64 = 1e3;
 
-/// Mean error of rollouts over the paper's horizon, in the robot's first two usual scenes (free space, ground).
-/// Recorded motion: on the part that chooses. Family: on new robots. Chain: mean error of the nodes (m) along motions
-/// as in training. Infinite if a rollout failed.
+/// Mean error of rollouts against the truth over the paper's horizon, in the robot's first two usual scenes (free
+/// space, ground). With recorded motion, rollouts follow the trajectories for choosing the weights. For a robot family,
+/// rollouts are of newly drawn robots. For a chain, the error is that of its nodes (m), averaged along the validation
+/// motions. The error is infinite if a rollout failed.
 pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
     let Plan { config, system, .. } = plan;
     let Judge { normalizer, motions } = judge;
@@ -46,8 +47,8 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     Ok(total / scenes.len() as f64)
 }
 
-/// Rollouts of new robots of a family with random torques. The history has half of the frames that a prediction depends
-/// on.
+/// Rollouts of newly drawn robots of a family with random torques. The history has half of the frames that a prediction
+/// depends on.
 fn family(plan: &Plan) -> Result<Pieces> {
     let Plan { config, system, .. } = plan;
     let before = plan.network.reach() / 2;
@@ -66,7 +67,7 @@ fn family(plan: &Plan) -> Result<Pieces> {
 
 fn figure(report: &PassiveReport) -> f64 {
     if report.failed > 0 {
-        // A failed rollout stays in place, so its error is meaningless.
+        // A failed rollout keeps its last state, so its error is meaningless.
         return f64::INFINITY;
     }
     // The error of a diverged rollout was frozen, possibly at a small value.

@@ -8,13 +8,13 @@ use crate::prepare::{Prepared, moments, normalize, read, tokens};
 use crate::unroll::chain::{Cable, Loss, scales};
 use crate::unroll::robot::Robot;
 
-/// Validation transitions, and offset of their seed from the training seed (paper).
+/// Number of validation transitions, and offset of their seed from the training seed (paper).
 const VALIDATION: (usize, u64) = (200_000, 10);
 
 pub(super) struct Data {
     pub sha256: String,
     pub transitions: usize,
-    /// Possible first frames of a training sample.
+    /// Number of possible first frames of a training sample.
     pub windows: usize,
     pub judge: Judge,
     pub sets: Sets,
@@ -25,7 +25,7 @@ pub(super) struct Judge {
     pub motions: Option<Arc<Motions>>,
 }
 
-/// Training and validation data.
+/// Training and validation data, by the way in which the run trains.
 pub(super) enum Sets {
     Windows([Arc<Windows>; 2]),
     Cable(Box<Course<Cable>>),
@@ -36,7 +36,7 @@ pub(super) enum Sets {
 #[derive(Default)]
 pub(super) struct Cache(Mutex<Vec<(String, Arc<Motions>)>>);
 
-/// Entries of the cache: motions for training and for validation.
+/// Number of entries in the cache: motions for training and for validation.
 const KEPT: usize = 2;
 
 impl Cache {

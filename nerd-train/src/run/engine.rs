@@ -19,7 +19,7 @@ pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box
         #[cfg(feature = "burn")]
         (device @ (Device::Flex | Device::Wgpu), Sets::Windows(sets)) => {
             let made = BurnLearner::new(learner, state, sets, &device.burn()?)?;
-            // A GPU wants all windows in one shard.
+            // A GPU computes all windows of a batch in one shard.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }
         (Device::Cpu, Sets::Cable(course)) => unrolled(plan, state, *course)?,
@@ -42,7 +42,7 @@ fn precision(plan: &Plan) -> Precision {
     if plan.config.f32 { Precision::F32 } else { Precision::Tf32 }
 }
 
-/// The learner through rollouts on the CPU.
+/// The learner that trains through rollouts on the CPU.
 fn unrolled<B: Body + 'static>(plan: &Plan, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
     memory::unrolled(&plan.network, course.frames)?;
     Ok(Box::new(UnrollLearner::new(plan.learner, state, course)?))

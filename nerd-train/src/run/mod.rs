@@ -17,8 +17,9 @@
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`; the
-//! same settings resume it. A [`Recipe`] is a file with the settings of one run, or of several that follow each other.
+//! The run's folder holds `run.json`, `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`.
+//! Another [`Run`] with the same settings resumes it. A [`Recipe`] is a file with the settings of one run, or of
+//! several that follow each other.
 
 mod card;
 mod criterion;

@@ -17,14 +17,14 @@ pub enum Mode {
         /// Frames that a prediction depends on.
         context: Context,
     },
-    /// NeRD of single frames continues from a model, through rollouts.
+    /// NeRD that sees single frames continues from a trained model, through rollouts.
     Rollouts {
         /// Content of tokens and meaning of predictions.
         form: Form,
         /// Frames of a rollout in training.
         frames: usize,
     },
-    /// A network of single rods learns a cable, through rollouts.
+    /// A network with a token per rod learns a cable, through rollouts.
     Chain {
         /// Frames of a rollout in training.
         frames: usize,
@@ -43,7 +43,8 @@ pub enum Context {
         /// Columns of an attention head.
         head_width: usize,
     },
-    /// Frames before, through rotary positions and a cache: a rollout evaluates one token per frame.
+    /// Earlier frames, through rotary positions and a cache of keys and values: a rollout evaluates one token per
+    /// frame.
     Stream {
         /// Tokens that a token attends to in each layer, itself included.
         history: usize,
@@ -55,7 +56,7 @@ pub enum Context {
 }
 
 impl RunConfig {
-    /// The mode of these settings. Refuses settings that it does not use.
+    /// The mode of these settings. Refuses settings that this mode does not use.
     pub fn mode(&self) -> Result<Mode> {
         self.used()?;
         let Self { base, view, condition_on_params: told, history, head_width, sequence, .. } = *self;
@@ -87,7 +88,7 @@ impl RunConfig {
         self.variant == Variant::Nerd && self.history == 1 && !self.stream && self.sequence > Some(1)
     }
 
-    /// Refuses settings that differ from their defaults, and have no use beside the others.
+    /// Refuses settings that differ from their defaults but have no effect together with the other settings.
     fn used(&self) -> Result<()> {
         let (chain, rolled, log) = (self.variant == Variant::Chain, self.rolls_out(), self.log().is_some());
         let sequences = self.stream || chain || self.history == 1 || self.sequence <= Some(1);
@@ -136,7 +137,7 @@ impl Mode {
         }
     }
 
-    /// Devices that train it.
+    /// Devices that can train in this mode.
     fn devices(&self) -> &'static [Device] {
         match self {
             Self::Windows { .. } => &[Device::Cpu, Device::Cuda, Device::Flex, Device::Wgpu],
@@ -175,7 +176,8 @@ impl Mode {
             Self::Windows { context: Context::Stream { history, head_width, sequence }, .. } => {
                 let network =
                     TransformerConfig { heads: heads(head_width), history, positions: Positions::Rotary, ..robot() };
-                // All frames that a rollout's prediction depends on, so that training covers the longest history.
+                // By default a sequence has all frames that a rollout's prediction depends on: training then covers the
+                // longest history.
                 TransformerConfig { block: sequence.unwrap_or(network.reach().max(SEQUENCE)).max(history), ..network }
             }
         };

@@ -9,7 +9,7 @@ use crate::schedule::Schedule;
 use crate::stop::PATIENCE;
 
 pub(super) struct Plan {
-    /// Settings that all modes use; a log fills in its own.
+    /// Settings of the run; with a log, robot and number of transitions are the log's.
     pub config: RunConfig,
     pub mode: Mode,
     pub system: Arc<System>,
@@ -21,7 +21,7 @@ pub(super) struct Plan {
     pub measured: Option<Measured>,
     /// The model to start from; random weights without one.
     pub parent: Option<Model>,
-    /// Policies that act in the data, in words; unknown for data from a folder.
+    /// Policies that act in the data, in words; `None` for data from a folder.
     pub actors: Option<String>,
     /// Engine and precision, in words.
     pub arithmetic: String,
@@ -108,12 +108,12 @@ fn arithmetic(config: &RunConfig) -> Result<String> {
 }
 
 impl RunConfig {
-    /// The log, if `data` names one.
+    /// Path of the log, if `data` names one.
     pub fn log(&self) -> Option<PathBuf> {
         self.data.as_deref().and_then(Measured::path)
     }
 
-    /// The robot.
+    /// Loads the robot: the log's, if `data` names a log, else the one named `robot`.
     pub fn system(&self) -> Result<Arc<System>> {
         Ok(match self.log() {
             Some(log) => specified(&log)?.1,
@@ -121,14 +121,14 @@ impl RunConfig {
         })
     }
 
-    /// These settings for a log: robot and size are the log's, and nothing is recorded.
+    /// These settings for a log: robot and number of transitions are the log's, and nothing is recorded.
     fn of(&self, measured: &Measured) -> Self {
         let usual = RecordConfig::default();
         let record = RecordConfig { frames: self.record.frames, seed: self.record.seed, ..usual };
         Self { robot: measured.log.system.name.clone(), transitions: measured.size()[1].max(1), record, ..self.clone() }
     }
 
-    /// The mode of these settings. Refuses settings that are needed and missing, or without use.
+    /// The mode of these settings. Refuses needed settings that are missing, and settings that the mode does not use.
     pub fn check(&self) -> Result<Mode> {
         let log = "for recorded motion the TOML that describes it, or its folder with a log.toml, as --data";
         match &self.data {

@@ -1,4 +1,5 @@
-//! Recipes: files with the settings of one run or of a chain of runs. Each run starts from the weights before.
+//! Recipes: files with the settings of one run or of a chain of runs. Each run starts from the weights of the run
+//! before.
 //!
 //! ```toml
 //! robot = "cube"              # settings of all runs, with the keys of `RunConfig`
@@ -28,7 +29,7 @@ const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpo
     "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "elbow-single"
     "ant-rapier");
 
-/// Keys that concern recording.
+/// Keys of settings that concern recording.
 const RECORDS: [&str; 7] =
     ["transitions", "fresh-transitions", "torque-scale", "hold", "resets", "policy", "policy-share"];
 
@@ -98,14 +99,15 @@ impl Recipe {
         own.iter_mut().for_each(|own| rename(own, path));
         let mut runs: Vec<RunConfig> = Vec::new();
         for (k, own) in own.iter().enumerate() {
-            // The recipe sets the folder. A later run starts from the model before, with its normaliser.
+            // The recipe sets each run's folder. A later run starts from the previous run's model, with that model's
+            // normaliser.
             let theirs = if k == 0 { &["out"][..] } else { &["out", "from", "epsilon"] };
             if let Some(key) = theirs.iter().find(|key| own.contains_key(**key)) {
                 return Err(wrong(format!("run {}: `{key}` does not belong in its [[run]]: leave it out", k + 1)));
             }
             let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
             let next = link(own, given)?;
-            // An empty folder stays empty, for the check of the settings.
+            // An empty folder name stays empty, so that the check of the settings refuses it.
             let out =
                 if next.out.as_os_str().is_empty() { next.out.clone() } else { next.out.join(format!("{}", k + 1)) };
             runs.push(match runs.last() {
@@ -117,7 +119,7 @@ impl Recipe {
         Ok(Self { runs })
     }
 
-    /// Trains all runs that are not done. Returns the folder of the last model; none if time ran out.
+    /// Trains all runs that are not done. Returns the folder of the last model; `None` if time ran out.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         if let [one] = &self.runs[..] {
             return Run::new(one)?.train();
@@ -164,7 +166,8 @@ impl RunConfig {
     }
 }
 
-/// Gives old keys of a file their new names, with a note; a key with both names keeps the old one, which is refused.
+/// Gives old keys of a file their new names, and prints a note. If a file has both names, the old one stays and is
+/// refused later.
 fn rename(given: &mut Given, path: &Path) {
     for (old, new) in RENAMED {
         if !given.contains_key(new)
@@ -183,15 +186,15 @@ fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
     if given.contains_key("from") && !given.contains_key("epsilon") {
         run.epsilon = None;
     }
-    // A recipe's settings of recording do not apply to a log, so only explicit ones are refused.
+    // With a log, a recipe's settings of recording have no effect; only those in `given` are refused.
     if let Some(key) = RECORDS.iter().find(|key| given.contains_key(**key) && run.log().is_some()) {
         refuse!("--{key}: nothing is recorded where --data names a log; leave it out");
     }
     Ok(run)
 }
 
-/// A run of a chain, overridden by `given`. The runs differ in length, so `updates` and `transitions` in `given` are
-/// upper bounds for each, for a rehearsal.
+/// One of several runs of a recipe, overridden by `given`. The runs differ in length, so `updates` and `transitions` in
+/// `given` are upper bounds for each run. With small bounds, a recipe is rehearsed.
 fn link(own: RunConfig, given: &Given) -> Result<RunConfig> {
     let most = (own.updates, own.transitions);
     let mut run = under(own, given)?;

@@ -1,4 +1,4 @@
-//! Recording of a robot's motion: by `dataset` into a folder, by `train` in memory.
+//! Recording of a robot's motion: into a folder by the command `dataset`, in memory by `train`.
 
 use nerd_sim::dataset::{Manifest, Pilot};
 
@@ -8,8 +8,8 @@ use crate::device::truth_on_card;
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate};
 
-/// Trajectories of a shard of motions: few on the CPU, so that all threads have work; many on a GPU, which all threads
-/// share.
+/// Most trajectories in a shard of motions. On the CPU they are few, so that all threads have work; on a GPU, which all
+/// threads share, many.
 const ON_CPU: usize = 16;
 const ON_CARD: usize = 256;
 
@@ -41,7 +41,7 @@ settings! {
 }
 
 impl RecordConfig {
-    /// The truth to record.
+    /// The solver that is recorded as truth: the one in these settings, else the robot's own.
     pub fn truth(&self, system: &System) -> Truth {
         self.truth.unwrap_or(system.spec.truth)
     }
@@ -106,7 +106,7 @@ impl RecordConfig {
     /// Records `transitions` transitions into a folder; existing shards stay.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let robot = &system.robot;
-        // Recorded, as bytes and while written: three copies of a shard.
+        // Memory holds three copies of a shard: as recorded, as bytes, and while written.
         let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
         let row = robot.state_dim() + robot.joint_count() + 7 * robot.contact_points.len();
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
@@ -133,7 +133,8 @@ impl RecordConfig {
         };
         let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
         let motions = match record(on_card) {
-            // The robot is too large for the GPU, or has no kernels. Other errors recur on the CPU.
+            // The robot may be too large for the GPU, or have no kernels: it is recorded on the CPU. Other errors recur
+            // there.
             Err(error) if on_card => {
                 tell!("{error}; it is recorded on the CPU");
                 bar.set(0);

@@ -1,4 +1,4 @@
-//! One run: data, updates and model.
+//! Trains one run: gets its data, makes its updates and exports its model.
 
 use super::card::{export, resume};
 use super::criterion::rollout_error;
@@ -14,7 +14,7 @@ use crate::trainer::{Outcome, Trainer};
 /// A checked run, ready to train.
 pub struct Run {
     plan: Plan,
-    /// Motions of earlier runs.
+    /// Motions that earlier runs of a recipe read or recorded.
     pub(super) cache: Arc<Cache>,
 }
 
@@ -24,7 +24,8 @@ impl Run {
         Ok(Self { plan: Plan::new(config)?, cache: Arc::default() })
     }
 
-    /// Trains, or resumes training. Returns the folder of the model after the last update; none if time ran out before.
+    /// Trains, or resumes training. Returns the folder of the model after the last update; `None` if time ran out
+    /// before.
     pub fn train(&self) -> Result<Option<PathBuf>> {
         let (Self { plan, cache }, started) = (self, Instant::now());
         let (config, out) = (&plan.config, &plan.config.out);
@@ -66,9 +67,9 @@ impl Run {
         let (Data { judge, sets, windows, .. }, step) = (data, state.step);
         let mut trainer = self.trainer(identity)?;
         let fresh = self.supply(&judge.normalizer, step)?;
-        // A device that refuses the run must leave no files behind.
+        // The learner is made before files are written, so that a device that refuses the run leaves none behind.
         let mut engine = engine(plan, state, sets)?;
-        // Preparation counts as time of the run.
+        // The time to prepare the data counts as time of the run.
         trainer.stop_at = self.left(started);
         let path = out.join("run.json");
         let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
@@ -82,7 +83,7 @@ impl Run {
             Ok(())
         };
         let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>> {
-            // Rollouts of early weights may fail: an infinite error, not the end of the run.
+            // Rollouts of early weights may fail. Their error is then infinite, and the run goes on.
             let lost = |e: Error| {
                 tell!("{e}");
                 f64::INFINITY
@@ -110,7 +111,7 @@ impl Run {
         Ok(Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run))
     }
 
-    /// Remaining time of the run, at least a second.
+    /// Remaining time of the run, at least a second; `None` without a limit.
     fn left(&self, started: Instant) -> Option<Duration> {
         // Minutes beyond the range of a duration are no limit.
         let left = |minutes: f64| {
@@ -158,8 +159,8 @@ impl Run {
         )
     }
 
-    /// The best average or the last weights, by criterion. After a decay of the rate to zero, the last weights need no
-    /// average and may be better.
+    /// Chooses the best averaged weights or the last weights, by criterion. After a decay of the learning rate to zero,
+    /// the last weights need no average and may be better.
     fn choose(
         &self,
         identity: &Identity,

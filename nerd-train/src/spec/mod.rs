@@ -1,5 +1,5 @@
-//! Which solver at which settings on which device: text to value and back, the one way in which command line, Python,
-//! charts, calibration and results name a solver.
+//! Names a solver, its settings and its device, as text or as [`SolverSpec`]. Command line, Python, charts, calibration
+//! and results all name solvers in this way.
 //!
 //! ```
 //! use nerd_train::spec::SolverSpec;
@@ -22,7 +22,7 @@ use nerd_sim::rig::rigged;
 
 use crate::{device::Device, prelude::*, shipped};
 
-/// A solver at its settings.
+/// A solver with its settings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum SolverSpec {
@@ -37,48 +37,49 @@ pub enum SolverSpec {
 /// Settings of our articulated dynamics.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ArticulatedSpec {
-    /// Time stepping.
+    /// Method of time stepping.
     pub method: Method,
-    /// Substeps per frame; the robot's own where none are given.
+    /// Substeps per frame; `None` for the robot's own number.
     pub substeps: Option<usize>,
-    /// Solves every substep to convergence, for exact gradients.
+    /// Whether every substep is solved to convergence, for exact gradients.
     pub settled: bool,
-    /// Where it computes; a GPU computes in f32.
+    /// Device that computes the steps; a GPU computes in f32.
     pub device: Device,
 }
 
-/// Time stepping of [`ArticulatedSpec`].
+/// Method of time stepping of [`ArticulatedSpec`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
-    /// Implicit contact step; Runge-Kutta with four substeps where there is nothing to touch. The truth of most models.
+    /// Implicit contact step; where there is nothing to touch, Runge-Kutta with four substeps. This is the truth of
+    /// most models.
     #[default]
     Implicit,
     /// Symplectic Euler with explicit contact.
     Euler,
     /// Runge-Kutta where there is nothing to touch, else as [`Self::Implicit`].
     Rk4,
-    /// The reference simulator's, for robots NAME-paper.
+    /// The reference simulator's method, for robots NAME-paper.
     Paper,
 }
 
-/// Settings of rapier's multibodies: by default 4 steps of 4 iterations in the root's axes, the truth of models
+/// Settings of rapier's multibodies. The default, 4 steps of 4 iterations in the root's axes, is the truth of models
 /// ROBOT-rapier.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RapierSpec {
-    /// Collisions are found anew in each.
+    /// Steps per frame; each detects collisions anew.
     pub steps: usize,
     /// Solver iterations per step.
     pub iterations: usize,
-    /// Steps in the world's axes, not in the axes of a floating robot's root.
+    /// Whether steps use the world's axes, not the axes of a floating robot's root.
     pub world: bool,
 }
 
 /// A learned model.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NeuralSpec {
-    /// Its folder; the one that comes with the project for the robot and its truth where none is given.
+    /// The model's folder; `None` for the shipped model of the robot and its truth.
     pub folder: Option<PathBuf>,
-    /// Where the network or the whole frame is computed.
+    /// Device that computes the network or the whole frame.
     pub device: Device,
 }
 
@@ -116,27 +117,27 @@ impl From<ArticulatedSpec> for SolverSpec {
 }
 
 impl SolverSpec {
-    /// Our dynamics by a method with a number of substeps.
+    /// Our articulated dynamics with this method and this number of substeps per frame.
     pub fn articulated(method: Method, substeps: usize) -> Self {
         ArticulatedSpec { method, substeps: Some(substeps), ..ArticulatedSpec::default() }.into()
     }
 
-    /// The same by the implicit method.
+    /// Our articulated dynamics with the implicit method and this number of substeps per frame.
     pub fn implicit(substeps: usize) -> Self {
         Self::articulated(Method::Implicit, substeps)
     }
 
-    /// rapier with a number of steps of 4 iterations.
+    /// rapier with this number of steps per frame, each of 4 iterations.
     pub fn rapier(steps: usize) -> Self {
         Self::Rapier(RapierSpec { steps, ..RapierSpec::default() })
     }
 
-    /// A model's folder, on the CPU.
+    /// The learned model in `folder`, on the CPU.
     pub fn neural(folder: impl Into<PathBuf>) -> Self {
         Self::Neural(NeuralSpec { folder: Some(folder.into()), device: Device::Cpu })
     }
 
-    /// The same on a device.
+    /// The same solver on the device `on`; rapier stays on the CPU.
     #[must_use]
     pub fn on(mut self, on: Device) -> Self {
         match &mut self {
@@ -146,7 +147,7 @@ impl SolverSpec {
         self
     }
 
-    /// Where it computes.
+    /// Device that computes the solver's steps.
     pub fn device(&self) -> Device {
         match self {
             Self::Articulated(ArticulatedSpec { device, .. }) | Self::Neural(NeuralSpec { device, .. }) => *device,
@@ -154,20 +155,20 @@ impl SolverSpec {
         }
     }
 
-    /// Whether it is a model, its folder named or not.
+    /// Whether the solver is a learned model, with or without a named folder.
     pub fn is_neural(&self) -> bool {
         matches!(self, Self::Neural(_))
     }
 
-    /// The model's folder, if it is one.
+    /// Folder of the learned model, if the solver is one and its folder is named.
     pub fn folder(&self) -> Option<&Path> {
         if let Self::Neural(NeuralSpec { folder, .. }) = self { folder.as_deref() } else { None }
     }
 
-    /// With the folder filled in: the shipped model of this robot and its truth.
+    /// Fills in a missing model folder with that of the shipped model of this robot and its truth.
     ///
     /// # Errors
-    /// If no such model comes with the project, or there is none in the folder.
+    /// If no such model comes with the project, or the named folder holds no model.
     pub fn found(self, system: &System) -> Result<Self> {
         let Self::Neural(NeuralSpec { folder, device }) = &self else { return Ok(self) };
         if let Some(folder) = folder {
@@ -190,7 +191,7 @@ impl SolverSpec {
         Ok(Self::neural(folder).on(device))
     }
 
-    /// Its settings, if it is `articulated`.
+    /// Settings of the articulated solver; `None` for another solver.
     pub fn config(&self, system: &System) -> Option<ArticulatedConfig> {
         let Self::Articulated(ArticulatedSpec { method, substeps, .. }) = self else { return None };
         let n = substeps.unwrap_or(system.spec.substeps);
@@ -205,7 +206,7 @@ impl SolverSpec {
         })
     }
 
-    /// Whether both move a robot alike in a scene, by their settings.
+    /// Whether, by their settings, both solvers move a robot alike in a scene.
     pub fn moves_as(&self, other: &Self, system: &System, scene: &Scene) -> bool {
         let contact = system.held() || !scene.colliders.is_empty() && !system.robot.contact_points.is_empty();
         match (self, other) {
@@ -220,7 +221,7 @@ impl SolverSpec {
         }
     }
 
-    /// Substeps per frame, as far as they are known before a model is read.
+    /// Substeps per frame; for rapier, steps times iterations. A learned model counts as 1.
     pub fn substeps(&self, system: &System) -> usize {
         match self {
             Self::Rapier(own) => own.steps.saturating_mul(own.iterations),
@@ -228,7 +229,7 @@ impl SolverSpec {
         }
     }
 
-    /// With `times` as many substeps (rapier: steps). A model is unchanged.
+    /// The same solver with `times` as many substeps (rapier: steps). A learned model is unchanged.
     #[must_use]
     pub fn refined(&self, times: usize, system: &System) -> Self {
         let mut finer = self.clone();
@@ -243,7 +244,8 @@ impl SolverSpec {
         finer
     }
 
-    /// Substeps as named in the text. Of rapier: steps, or with one step its iterations where they are not 4.
+    /// Number of substeps per frame that the solver's text gives. For rapier, these are its steps; with one step, its
+    /// iterations if they are not 4.
     pub fn asked(&self) -> Option<usize> {
         match self {
             Self::Articulated(own) => own.substeps,
@@ -255,7 +257,7 @@ impl SolverSpec {
         }
     }
 
-    /// The same solver at any number of substeps, as in a legend.
+    /// Name of the solver without its number of substeps, for a chart's legend.
     pub fn series(&self) -> &'static str {
         match self {
             Self::Articulated(ArticulatedSpec { method, substeps, .. }) => match (method, substeps) {
@@ -275,10 +277,10 @@ impl SolverSpec {
         }
     }
 
-    /// The solver for `envs` environments of a robot.
+    /// Makes the solver for up to `envs` environments of a robot.
     ///
     /// # Errors
-    /// If this build has no such device, or a model cannot be read or is another robot's.
+    /// If this build lacks the solver's device, a model cannot be read, or the model is of another robot.
     pub fn solver(&self, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         self.device().check()?;
         match (self, self.config(system)) {
@@ -313,7 +315,7 @@ impl ArticulatedSpec {
 }
 
 impl RapierSpec {
-    /// rapier's own settings.
+    /// These settings as a [`RapierConfig`].
     pub fn config(self) -> RapierConfig {
         RapierConfig {
             steps: self.steps,

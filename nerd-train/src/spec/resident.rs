@@ -1,14 +1,14 @@
-//! Solvers whose batch stays on a GPU.
+//! Solvers whose batch stays in GPU memory.
 
 use nerd_sim::articulated::device::{CudaArticulated, Real, Roll, has_kernels};
 
 use super::SolverSpec;
 use crate::{learner::cuda::Precision, prelude::*};
 
-/// The solver in an arithmetic of its own, whatever device its text says.
+/// Makes a solver on the GPU with the given arithmetic, whatever device `spec` names.
 ///
 /// # Errors
-/// If it has no kernels, or its model cannot be read.
+/// If the solver has no kernels, or its model cannot be read.
 pub fn resident(spec: &SolverSpec, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {
     let spec = &spec.clone().found(system)?;
     if let Some(folder) = spec.folder() {

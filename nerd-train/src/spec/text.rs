@@ -1,4 +1,4 @@
-//! Text of a [`SolverSpec`]: `ENGINE` or `ENGINE(ARGUMENT, KEY=VALUE, ...)`; what is not said is the default.
+//! Text of a [`SolverSpec`]: `ENGINE` or `ENGINE(ARGUMENT, KEY=VALUE, ...)`. Settings left out have their defaults.
 
 use std::fmt;
 use std::str::FromStr;
@@ -54,7 +54,7 @@ fn plain(key: &str) -> bool {
     key.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }
 
-/// Split at commas that are not between quotes.
+/// Splits arguments at commas that are not between quotes.
 fn arguments(inner: &str) -> Vec<&str> {
     let mut quoted = false;
     let parts = inner.split(|c| {
@@ -87,7 +87,8 @@ impl SolverSpec {
             (Self::Rapier(own), Some(("steps", n))) => own.steps = count(n)?,
             (Self::Rapier(own), Some(("iterations", n))) => own.iterations = count(n)?,
             (Self::Rapier(own), Some(("axes", word @ ("root" | "world")))) => own.world = word == "world",
-            // A setting of another engine is no folder; a folder of such a name stands between quotes.
+            // A setting of another engine is not read as a folder. A folder whose name looks like a setting is written
+            // in quotes.
             (Self::Neural(own), key) if own.folder.is_none() && !key.is_some_and(|(key, _)| plain(key)) => {
                 own.folder = Some(argument.trim_matches('"').into());
             }

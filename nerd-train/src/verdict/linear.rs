@@ -1,4 +1,4 @@
-//! Baselines of a verdict: the base alone, and a linear map on the model's inputs.
+//! Baselines of a verdict: the base of the predictions without a network, and a linear map of the model's inputs.
 
 use nalgebra::DMatrix;
 use nerd_sim::instruments::Hold;
@@ -6,13 +6,14 @@ use nerd_sim::instruments::Hold;
 use crate::prelude::*;
 use crate::prepare::{generate, normalize};
 
-/// Transitions for fitting the map, some fifty per input, and frames of their trajectories.
+/// Number of transitions for fitting the linear map, some fifty per input, and frames per trajectory.
 const TRANSITIONS: usize = 16_384;
 const FRAMES: usize = 64;
 /// Ridge coefficients, relative to the variance of a token. The map with the smallest rollout error counts.
 const RIDGES: [f64; 3] = [1e-6, 1e-3, 1e-1];
 
-/// A linear map of the newest token: a row of weights per input, then the offsets.
+/// A linear map from the newest token to a prediction. The weights are `[input][output]`, followed by the offsets
+/// `[output]`.
 pub(super) struct Linear {
     outputs: usize,
     weights: Vec<f32>,
@@ -36,7 +37,8 @@ impl Stream for Linear {
     fn clear(&mut self, _env: usize) {}
 }
 
-/// Transitions of the model's truth, in its form: half of the trajectories passive, half from starts as in evaluations.
+/// Transitions of the model's truth as tokens and targets in the model's form. Half of the trajectories are passive,
+/// and half start as in evaluations.
 pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u64) -> Result<Windows> {
     let (torque_scale, shard_trajectories) = (Range { low: -1.0, high: 1.0 }, 16);
     // Fewer transitions for robots with very many inputs, to limit memory.
@@ -47,8 +49,8 @@ pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u
     Ok(generate(system, &solver, &config, (1, model.config.form()), &|_| ())?.windows)
 }
 
-/// Least-squares maps from normalised tokens to normalised targets over `windows`, one for each ridge coefficient with
-/// a solution.
+/// Fits least-squares maps from normalised tokens to normalised targets over `windows`. Gives one map for each ridge
+/// coefficient that has a solution.
 pub(super) fn maps(model: &Model, mut windows: Windows) -> Vec<Linear> {
     normalize(&mut windows, &model.normalizer);
     let Windows { inputs, outputs, x, y, .. } = &windows;

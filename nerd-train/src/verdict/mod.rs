@@ -1,6 +1,7 @@
-//! Verdict on a model: errors and time beside baselines and the analytic solver. The baselines are the base alone and a
-//! linear map on the same inputs. `articulated` runs with one substep and more, up to the fewest that err no more than
-//! the model. With rapier as truth, its cheaper settings are compared, too.
+//! Verdict on a model: compares its errors and time with those of baselines and the analytic solver. The baselines are
+//! the base without the network, and a linear map of the same inputs. `articulated` runs with 1, 2, 4, .. substeps, up
+//! to the fewest with no larger mean error than the model. With rapier as truth, cheaper settings of rapier are
+//! compared, too.
 //!
 //! All solvers roll out from equal starts under equal torques, on one CPU core; time and error come from the same
 //! steps.
@@ -18,13 +19,13 @@ use crate::prelude::*;
 use crate::spec::{RapierSpec, SolverSpec};
 use crate::stats::mean;
 
-/// The network pays off if both baselines err at least this many times as much as the model.
+/// The network pays off if both baselines have at least this multiple of the model's error, in every quantity.
 pub const WORTH: f64 = 5.0;
 /// Offset of the seed of the linear map's data from the seed of the starts.
 const ELSEWHERE: u64 = 7_000_003;
 /// Most substeps of `articulated` if another solver is the truth.
 const MOST: usize = 64;
-/// Noise (rad/s or m/s) after every frame of a shaken truth, of the size of rounding.
+/// Noise (rad/s or m/s) on the velocities of a shaken truth after every frame, of the size of rounding errors.
 const SHAKE: f64 = 1e-6;
 
 /// A model's verdict in a scene.
@@ -40,20 +41,21 @@ pub struct Verdict {
     pub protocol: PassiveConfig,
     /// Compared quantities, with units ([`summary_names`]).
     pub quantities: Vec<String>,
-    /// The model.
+    /// Errors and time of the model.
     pub model: Row,
-    /// The base of the predictions alone.
+    /// Errors and time of the base of the predictions, without the network.
     pub base: Row,
     /// On recorded motion with another base than the state: a predictor that repeats the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<Row>,
     /// The linear map from normalised token to normalised target, fitted to other motions of the truth.
     pub linear: Row,
-    /// `articulated` with one substep and more, up to the first row with no larger mean error than the model. On
-    /// recorded motion: as described and as calibrated.
+    /// `articulated` with 1, 2, 4, .. substeps, up to the first row with no larger mean error than the model. On
+    /// recorded motion: `articulated` as the robot's file describes it, and as calibrated.
     pub articulated: Vec<Row>,
     /// On recorded motion: another log of the same motions, by another simulator or with another step. With rapier as
-    /// truth: half of its steps, a quarter, itself, and itself shaken, which shows the sensitivity of the motion.
+    /// truth: rapier with half of the steps and with a quarter, the truth itself, and the truth with noise. The last
+    /// shows how sensitive the motion is.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<Row>,
 }
@@ -76,7 +78,7 @@ impl Row {
         let PassiveReport { error, diverged, .. } = report;
         Self { of: of.into(), errors: summary(system, &error), microseconds, diverged }
     }
-    /// Mean error over the quantities.
+    /// Mean of the errors over the compared quantities.
     pub fn mean(&self) -> f64 {
         mean(&self.errors)
     }
@@ -140,7 +142,7 @@ pub fn verdict(
     Ok(Some(found))
 }
 
-/// Evaluates a solver under a name.
+/// Function that evaluates a solver and gives its row this name.
 type Rower<'a> = dyn Fn(&str, Box<dyn Solver>) -> Result<Row> + 'a;
 
 /// A verdict with the rows of the base alone, of the model and of the best linear map.
@@ -169,7 +171,7 @@ fn common(
 
 impl Verdict {
     /// The cheapest solver with known time and no larger mean error than the model. Candidates are all rows of
-    /// `articulated`, and of `beside` the first such row.
+    /// `articulated`, and the first such row of `beside`.
     pub fn equal(&self) -> Option<&Row> {
         let as_good = |row: &&Row| row.microseconds > 0.0 && row.mean() <= self.model.mean();
         // Of rapier's rows only the first that is as good: a shaken truth comes last.

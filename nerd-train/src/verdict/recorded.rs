@@ -1,4 +1,5 @@
-//! Verdict on a model of recorded motion: beside its base, a linear map and `articulated`, as described or calibrated.
+//! Verdict on a model of recorded motion. The model is compared with its base, a linear map and `articulated`, as
+//! described or as calibrated.
 
 use nerd_sim::calibrate::{Engine, Subject};
 use nerd_sim::instruments::{Hold, Replay};
@@ -12,7 +13,7 @@ use crate::prepare::tokens;
 
 /// Frames of a piece for fitting the linear map.
 const FRAMES: usize = 64;
-/// Frames for fitting the map; from twice as many on, trajectories are skipped evenly.
+/// Frames that suffice to fit the linear map. If the log has at least twice as many, trajectories are skipped evenly.
 const ENOUGH: usize = 65_536;
 
 /// Another solver's result on the same pieces.
@@ -25,8 +26,8 @@ pub struct Beside {
     pub microseconds: f64,
 }
 
-/// The verdict on a model of a log, over `pieces`, beside the `analytic` solvers (name, subject). A solver that cannot
-/// step is left out and reported. None for a chain.
+/// The verdict on a model of a log, from rollouts over `pieces`, with the `analytic` solvers (name, subject) for
+/// comparison. A solver that cannot step is left out and reported. None for a chain.
 pub fn recorded(
     measured: &Measured,
     pieces: &Pieces,
@@ -73,8 +74,8 @@ pub fn recorded(
     Ok(Some(found))
 }
 
-/// Pieces as `subject` needs them: shifted by its joint zeros, with delayed torques and without history, since it has
-/// no memory.
+/// Pieces as `subject` needs them: shifted by its joint zeros, with delayed torques and without history, since
+/// `subject` has no memory.
 fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
     let mut states = pieces.states[pieces.before..].to_vec();

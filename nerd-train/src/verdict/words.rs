@@ -81,7 +81,7 @@ impl Verdict {
         format!("{equal}model {own} us; base alone x {base}, linear map x {linear}")
     }
 
-    /// Smallest and largest multiple of the model's error, by quantity.
+    /// Text of the smallest and the largest ratio of a row's error to the model's, over the quantities.
     fn span(&self, row: &Row) -> String {
         let mut times = self.times(row);
         times.sort_by(f64::total_cmp);
@@ -90,7 +90,7 @@ impl Verdict {
     }
 }
 
-/// Two significant digits, enough for such ratios.
+/// A ratio with two decimals, or with none from 10 on.
 fn short(x: f64) -> String {
     match x {
         _ if x.is_nan() => "-".into(),

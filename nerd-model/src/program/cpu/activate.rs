@@ -37,7 +37,7 @@ pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     });
 }
 
-/// Gelu over x, and its derivative.
+/// Gelu(x) divided by x, then the derivative of gelu at x.
 #[inline(always)]
 fn share_and_slope(x: f32) -> (f32, f32) {
     let (erf, bell) = erf_and_bell(x * FRAC_1_SQRT_2);

@@ -156,7 +156,7 @@ pub struct Ring<'a> {
     pub history: usize,
     /// Keys, rotated and transposed, `[E][width]`, then values `[history][E]`; [`Ring::floats`] in all.
     pub past: &'a mut [f32],
-    /// Number of earlier tokens.
+    /// Number of tokens of the stream before the new one.
     pub before: usize,
 }
 
@@ -171,7 +171,7 @@ impl Ring<'_> {
     #[inline(always)]
     pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[f32], shares: &mut Vec<f32>, out: &mut [f32]) {
         if self.history == 1 {
-            // A token that attends to itself alone returns its value.
+            // Attention over the new token alone returns that token's value.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
         }
         let (e, d, width) = (out.len(), out.len() / heads, width(self.history));

@@ -14,7 +14,7 @@ impl Loaded {
             .for_each(|i| _ = self.turned(i));
     }
 
-    /// `W'^T` of the product in step `i`, if that step is one.
+    /// `W'^T` of the product in step `i`, if that step is a product.
     fn turned(&self, i: usize) -> Option<&Matrix> {
         let Step { to, op, .. } = self.program.steps[i];
         let Op::Linear { weight, scale, .. } = op else { return None };

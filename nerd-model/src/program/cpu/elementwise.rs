@@ -9,7 +9,8 @@ pub fn at_least(x: f32, least: f32) -> f32 {
     if x < least { least } else { x }
 }
 
-/// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor series to r^7: 2e-8 relative error, 0 below -87.
+/// `e^x` for x <= 0 by `2^k e^r`, |r| <= ln 2 / 2, Taylor series to r^7. The relative error is 2e-8; below x = -87 the
+/// result is 0.
 #[inline(always)]
 pub fn exp(x: f32) -> f32 {
     let x = at_least(x, -87.0);
@@ -26,7 +27,7 @@ pub fn exp(x: f32) -> f32 {
     series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
 
-/// erf by Abramowitz and Stegun 7.1.26: 1.5e-7 absolute.
+/// erf by Abramowitz and Stegun 7.1.26, with an absolute error up to 1.5e-7.
 #[inline(always)]
 pub fn erf(x: f32) -> f32 {
     erf_and_bell(x).0
@@ -36,7 +37,7 @@ pub fn erf(x: f32) -> f32 {
 /// is far slower.
 const FADED: f32 = 5.0;
 
-/// [`erf`] and `e^(-x^2)`, a factor of erf and of its derivative.
+/// [`erf`] of x, and `e^(-x^2)`, which is a factor of erf and of its derivative.
 #[inline(always)]
 pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();

@@ -145,7 +145,7 @@ impl Product<'_> {
     }
 }
 
-/// Products of R rows of x, or across of R columns of x `[inner, rows]`, from `row` on, with one panel.
+/// Products of R rows of x, from `row` on, with one panel. For `x^T W`, these are R columns of x `[inner, rows]`.
 #[inline(always)]
 fn tile<S: Simd, const R: usize, const V: usize>(
     simd: S,

@@ -23,13 +23,14 @@ use super::{Op, Program, Slot, Weight};
 /// A program with weights.
 #[derive(Default)]
 pub struct Loaded {
-    /// The operations.
+    /// Operations and tensors of the network.
     pub program: Program,
     flat: Vec<f32>,
     starts: Vec<usize>,
     /// `diag(scale) W` of each step with a scale.
     folded: Vec<Vec<f32>>,
-    /// Packed matrix of each step, empty without a product; and its transpose, packed at the first request.
+    /// By step: `panels` is its packed matrix, empty without a product; `back` is the transpose, packed at the first
+    /// request.
     panels: Vec<Matrix>,
     back: Vec<std::sync::OnceLock<Matrix>>,
     /// For each slot, the last step that reads or writes it.
@@ -58,7 +59,8 @@ pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
 pub enum Pass<'a> {
     /// Windows of this many tokens; keeps everything for the backward pass.
     Kept(usize),
-    /// Windows of this many tokens; only predictions of these rows.
+    /// Windows of this many tokens. Gives only the predictions of these rows, in ascending order, counted over all
+    /// windows.
     Windows(usize, &'a [usize]),
     /// One new token per environment; the caller computes attention.
     Stream(Mix<'a>),
@@ -83,7 +85,7 @@ impl Loaded {
         loaded
     }
 
-    /// Replaces the weights.
+    /// Replaces the weights by `flat`, and packs the matrices again.
     pub fn load(&mut self, flat: &[f32]) {
         self.flat.clear();
         self.flat.extend_from_slice(flat);
@@ -117,7 +119,7 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
-        // An activation swapped buffers with its input; swap back.
+        // An activation step has swapped buffers with its input; swap back.
         for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
             if memory.values[step.from.0].capacity() == 0 {
                 memory.values.swap(step.from.0, step.to.0);
@@ -184,7 +186,7 @@ impl Loaded {
         values[from.0] = x;
     }
 
-    /// Drops rows without needed predictions once tokens mix no more.
+    /// Drops rows whose predictions are not needed, once no later step mixes tokens.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
         let Pass::Windows(_, rows) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
@@ -212,7 +214,7 @@ fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| add(x, row));
 }
 
-/// Adds numbers to as many sums.
+/// Adds each number to the sum at the same index.
 pub fn add<T: Copy + AddAssign>(sums: &mut [T], numbers: &[T]) {
     sums.iter_mut().zip(numbers).for_each(|(sum, x)| *sum += *x);
 }

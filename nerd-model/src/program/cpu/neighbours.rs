@@ -15,7 +15,7 @@ pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut V
     }
 }
 
-/// Adjoint of [`forward`].
+/// Adjoint of [`forward`]: `dx` from `upstream`.
 pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
     dx.clear();
     dx.resize(upstream.len() / 3, 0.0);
@@ -29,7 +29,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
     }
 }
 
-/// Token k and its two neighbours, left first; `None` beyond an end.
+/// Indices of the left neighbour of token k, of token k and of its right neighbour; `None` beyond a window's end.
 fn places(k: usize, tokens: usize, apart: usize) -> [Option<usize>; 3] {
     [k.checked_sub(apart), Some(k), Some(k + apart).filter(|other| *other < tokens)]
 }
