@@ -1,7 +1,7 @@
 //! Finds import cycles within a crate, between files and between folders, from the tokens of its sources.
 //!
 //! An edge leads from a file to each file that defines a name it uses. Re-exports are followed and add no edge; tests
-//! are left out. An edge counts between the first path components that differ: two files of a folder, or two folders.
+//! are left out. An edge connects the first path components that differ: two files of one folder, or two folders.
 
 use std::collections::BTreeSet;
 
@@ -23,7 +23,7 @@ struct Module {
     defined: BTreeSet<String>,
     /// Imported names (`*` for a glob) and their paths.
     imports: Vec<(String, Vec<String>)>,
-    /// Paths used by the code, with their lines.
+    /// Paths that the code uses, as (line number, path).
     used: BTreeSet<(usize, Vec<String>)>,
 }
 
@@ -69,7 +69,7 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
     Ok(circling(graph).into_iter().flat_map(lines).collect())
 }
 
-/// Modules of all files; the root is the first.
+/// Parses all files below `src` into modules; the crate's root is the first.
 fn read(src: &Path) -> Result<Vec<Module>> {
     let mut modules = vec![Module::default()];
     for path in below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
@@ -225,7 +225,7 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     targets
 }
 
-/// The first components at which two paths differ.
+/// Cuts two paths after the first component in which they differ.
 fn parted(from: &Path, to: &Path) -> [String; 2] {
     let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
     [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
@@ -234,7 +234,8 @@ fn parted(from: &Path, to: &Path) -> [String; 2] {
 /// Edges by source and target, each with its uses.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
-/// Removes nodes without incoming or outgoing edges until none is left: cycles and paths between them remain.
+/// Removes nodes that lack incoming or outgoing edges, until no such node is left. Cycles and paths between cycles
+/// remain.
 fn circling(mut graph: Graph) -> Graph {
     loop {
         let before = graph.len();
@@ -269,7 +270,7 @@ mod tests {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
         let body = ("body/mod.rs", "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n");
         let deep = ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n");
-        // Used through the re-export at the root, inside a macro.
+        // Uses `Deep` inside a macro, through the re-export in `body`.
         let name =
             ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let found = circles_of(&[lib, body, deep, name]);

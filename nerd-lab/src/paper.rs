@@ -10,7 +10,8 @@ fn plain(robot: &str) -> &str {
 }
 
 /// Published mean errors of the learned simulator, in the order of [`nerd_train::evaluate::summary`]; `None` if
-/// unpublished. Their truth is the reference simulator, so only errors against the preset `paper` compare with them.
+/// unpublished. The paper measures errors against its reference simulator, so only our errors against the preset
+/// `paper` are comparable.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (plain(robot), scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),
