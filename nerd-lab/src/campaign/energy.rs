@@ -11,7 +11,7 @@ use rand::RngExt;
 use super::text::Dice;
 use crate::prelude::*;
 
-/// Largest allowed energy gain, divided by the initial energy plus the absolute work of the torques.
+/// Largest permitted energy gain, divided by the initial energy plus the absolute work of the torques.
 const MOST: f64 = 1e-3;
 /// Like `MOST`, for free flight without self-collision.
 const MOST_IN_FLIGHT: f64 = 1e-4;

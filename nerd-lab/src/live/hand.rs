@@ -5,17 +5,17 @@ use nerd_core::{dynamics::Axes, robot::FixedFrame};
 
 use crate::prelude::*;
 
-/// Stiffness over the robot's mass (1/s^2), with critical damping for that mass. A toe is far lighter, so the spring is
-/// stepped implicitly.
+/// Stiffness of the spring divided by the robot's mass (1/s^2); damping is critical for that mass. The spring is
+/// stepped implicitly, since the pulled link may be far lighter than the robot.
 const PULL: f64 = 60.0;
 
 /// A spring from a point of a link to a target.
 #[derive(Clone, Copy)]
 pub(super) struct Hand {
     pub link: usize,
-    /// The point (m, link axes).
+    /// Point of the link that is pulled (m, link axes).
     pub local: Vector3<f64>,
-    /// The target (m, world axes).
+    /// Point towards which the spring pulls (m, world axes).
     pub target: Vector3<f64>,
 }
 
@@ -33,8 +33,9 @@ impl Hand {
         })
     }
 
-    /// Applies an impulse (N s, world axes) at the point. `law` computes it from the point's position, velocity and
-    /// inverse effective mass G. Velocities change by `M^-1 J^T impulse`, so any solver responds.
+    /// Applies an impulse (N s, world axes) at the pulled point of the link. `law` computes it from the point's
+    /// position, velocity and inverse effective mass G. Velocities change by `M^-1 J^T impulse`, so any solver
+    /// responds.
     pub fn push(
         &self,
         batch: &mut Batch,

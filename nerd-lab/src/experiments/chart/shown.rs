@@ -31,14 +31,14 @@ pub(super) struct Point {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spec: Option<SolverSpec>,
     substeps: Option<usize>,
-    /// Time of a frame of one environment: on one core the fastest of a few runs, or one among many on a GPU.
+    /// Wall time of a frame of one environment (us): the fastest of a few runs on one core, or among many on a GPU.
     microseconds: f64,
     pub error: f64,
-    /// Mean |difference| of each quantity.
+    /// Mean |dq| from the reference, by quantity (m or rad).
     by_coordinate: Vec<f64>,
     diverged: usize,
     front: bool,
-    /// Whether the error has a reference of its own; such a point is not on the front.
+    /// Whether the error is against another reference than the chart's; such a point is never on the front.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     own: bool,
     /// GPU memory of the process (MiB).
