@@ -1,8 +1,8 @@
-//! Small systems that the rows step: a free body, pendulums, a slider. Built from URDF and TOML; z is up.
+//! Small systems that the rows step: a free body, pendulums, a slider. They are built from URDF and TOML; z is up.
 
 use nerd_sim::prelude::*;
 
-/// The identity orientation (x y z w).
+/// The identity orientation as a quaternion (x y z w).
 pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// A free rigid body.

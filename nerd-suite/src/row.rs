@@ -41,7 +41,7 @@ pub(super) const fn row(
 }
 
 impl Row {
-    /// The row's line of results, with a cell per method.
+    /// Puts the row and its cells, one for each method, into a line of results.
     pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
         let [row, figure, unit, source, why] =
             [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
@@ -86,10 +86,11 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// A measured cell.
+/// Result of one row under one method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// The figure; if the solver failed, of the motion before. `None` where nothing was measured.
+    /// The measured figure; if the solver failed, that of the motion before the failure. `None` where nothing was
+    /// measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figure: Option<f64>,
     /// The solver's error, if it failed.
@@ -102,7 +103,7 @@ pub struct Cell {
 impl Cell {
     /// Compares a figure with a limit; `lost` is the solver's error, if it failed.
     fn new(measured: Result<f64>, lost: Option<String>, limit: f64) -> Self {
-        // Stands for infinity: beyond all limits, but finite.
+        // Replaces infinity, which files cannot store: beyond all limits, but finite.
         const HUGE: f64 = 1e300;
         let lost = match &measured {
             Err(error) => Some(error.to_string()),

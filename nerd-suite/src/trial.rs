@@ -38,7 +38,7 @@ pub struct Method {
 }
 
 impl Method {
-    /// A method of any solver; `make` builds a new solver for each motion of a system.
+    /// Makes a method of any solver; `make` builds a new solver for each motion of a system.
     pub fn new(
         name: impl Into<String>,
         make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static,
@@ -125,7 +125,7 @@ impl Motion {
     }
 
     /// The figure of a motion that must stay above the ground. Infinity (a failure) if a contact point was ever deeper
-    /// than 0.3 m, which means that it fell through. A correct motion in these rows penetrates at most 0.13 m (the tip
+    /// than 0.3 m: the robot fell through the ground. A correct motion in these rows penetrates at most 0.13 m (the tip
     /// of a pendulum on impact).
     pub fn above(&self, figure: f64) -> f64 {
         let robot = &self.system.robot;
@@ -156,7 +156,7 @@ pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
 /// Sets the torques of a frame from the state: `(state, torques)`.
 pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// No torques.
+/// Leaves all torques at 0: a `Drive` of passive motion.
 pub(super) fn limp(_: &[f64], _: &mut [f64]) {}
 
 impl<'a> Trial<'a> {
@@ -194,7 +194,8 @@ impl<'a> Trial<'a> {
         self.under(&mut *self.method.solver(system), system, scene, start, frames, drive)
     }
 
-    /// Rolls out by a solver of the method's, from a start. Stores an error of the solver in `lost`.
+    /// Rolls out `frames` frames with `solver` from the state `start`, under torques set by `drive`. Stores an error of
+    /// the solver in `lost`.
     pub fn under(
         &self,
         solver: &mut dyn Solver,
@@ -228,7 +229,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Work (J) of torques held constant between two states.
+/// Work (J) of joint torques held constant from state `before` to state `after`.
 fn done(system: &System, torques: &[f64], [before, after]: [&[f64]; 2]) -> f64 {
     let at = system.robot.root_coords();
     let ways = after[at..].iter().zip(&before[at..]).zip(system.robot.joints());

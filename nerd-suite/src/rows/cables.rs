@@ -79,7 +79,7 @@ fn swing(trial: &Trial) -> Result<f64> {
 fn fall(trial: &Trial) -> Result<f64> {
     let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 20\nat = [0.0, 0.0, 0.5]")?;
     let mut state = system.robot.zero_state();
-    // Slightly bent sideways, so that the cable does not fall in a plane.
+    // Bends the cable slightly sideways, so that it does not fall in a plane.
     state[..40].iter_mut().step_by(2).enumerate().for_each(|(k, q)| *q = 0.1 * (PI * k as f64 / 10.0).sin());
     let motion = trial.passive(&system, "plane", &state, 120)?;
     let gain = rise(motion.energies().iter().zip(motion.stored()).map(|(a, b)| a + b));

@@ -80,7 +80,7 @@ pub(super) const PASSIVE: &[Row] = &[
     ),
 ];
 
-/// A sphere of radius 5 cm and 1 kg.
+/// A sphere of 1 kg with a radius of 5 cm.
 fn ball() -> Body {
     Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() }
 }
@@ -99,7 +99,7 @@ fn restitution(trial: &Trial) -> Result<f64> {
         let z: Vec<f64> = motion.states.iter().map(|s| s[2] - 0.05).collect();
         let landed = z.windows(2).position(|w| w[1] > w[0]).unwrap_or(z.len() - 1);
         let rebound = most(z[landed..].iter().copied());
-        // Damped while approaching, undamped while separating.
+        // Restitution of a contact that is damped while approaching, and undamped while separating.
         let zeta = damping / (2.0 * (body.mass * 1e4f64).sqrt());
         let e = (-zeta * zeta.acos() / (1.0 - zeta * zeta).sqrt()).exp();
         Ok((rebound - e * e).abs())
@@ -277,7 +277,7 @@ fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64> {
         ways.push(last[0]);
     }
     let (low, high) = ways.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-    // The body must have slid and stopped.
+    // Fails if the body did not slide about as far as it must.
     let expected = 4.0 / (2.0 * 0.4 * GRAVITY);
     Ok(if (low / expected - 1.0).abs() > 0.5 { 1.0 } else { worst.max((high - low) / high) })
 }

@@ -77,12 +77,12 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// Motion of a body from the origin, with this angular velocity and velocity, where nothing touches it.
+/// Rolls out a body without contact from the origin, with angular velocity `w` (rad/s) and velocity `v` (m/s).
 fn fly(trial: &Trial, body: &Body, w: [f64; 3], v: [f64; 3], frames: usize) -> Result<Motion> {
     trial.passive(&body.system()?, "free", &Body::state([0.0; 3], UPRIGHT, w, v), frames)
 }
 
-/// The figure of a body that must turn: 1 if its orientation never changed by more than 0.1 rad.
+/// Returns `figure` if the body turned by more than 0.1 rad, else 1 (a failure).
 fn turned(motion: &Motion, figure: f64) -> f64 {
     let first = quaternion(&motion.states[0][3..7]);
     let turns = motion.states.iter().any(|s| quaternion(&s[3..7]).angle_to(&first) > 0.1);
@@ -122,18 +122,19 @@ fn tumbling(trial: &Trial) -> Result<f64> {
     spin(trial, &body, [3.0, 7.0, 2.0], 600)
 }
 
-/// Largest relative change of angular momentum.
+/// Largest change of a free body's angular momentum, divided by its start value; `w` is in rad/s.
 fn spin(trial: &Trial, body: &Body, w: [f64; 3], frames: usize) -> Result<f64> {
     let motion = fly(trial, body, w, [0.0; 3], frames)?;
     let l: Vec<_> = motion.totals().iter().map(|t| t.momentum.ang).collect();
     Ok(turned(&motion, most(l.iter().map(|x| (x - l[0]).norm() / l[0].norm()))))
 }
 
-/// A box of 0.1, 0.2 and 0.3 m and 1 kg, and its spin about the middle axis.
+/// A box of 0.1 x 0.2 x 0.3 m and 1 kg.
 fn brick() -> Body {
     Body { inertia: [0.13 / 12.0, 0.1 / 12.0, 0.05 / 12.0], gravity: 0.0, frame: "1/200", ..Default::default() }
 }
 
+/// Start angular velocity (rad/s) of the brick: about its middle principal axis, slightly disturbed.
 const MIDDLE: [f64; 3] = [0.05, 5.0, 0.05];
 
 fn gyroscopic(trial: &Trial) -> Result<f64> {

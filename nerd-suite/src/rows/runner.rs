@@ -5,14 +5,15 @@ use std::f64::consts::TAU;
 
 use super::*;
 
-/// Forward velocity (m/s), and angular velocity (rad/s) about the horizontal axis across it: the robot tumbles as it
-/// runs.
+/// Forward velocity (m/s) at the start.
 const SPEED: f64 = 8.0;
+/// Angular velocity (rad/s) at the start, about the horizontal axis across the forward velocity: the robot tumbles.
 const TURN: f64 = 10.0;
-/// Frequency (Hz) and phases of the torques, hip and ankle by leg. Each motor applies its torque limit times
-/// `sin(TAU (BEAT t + phase / 8))`, t at the start of a frame. Among a thousand random phases, preset `paper` creates
-/// most energy with these.
+/// Frequency of the torques (Hz). Each motor applies its torque limit times `sin(TAU (BEAT t + phase / 8))`, where t
+/// (s) is the start of the frame.
 const BEAT: f64 = 6.0;
+/// Phases of the torques (eighths of a period), for hip and ankle of each leg. Among a thousand random choices, these
+/// make preset `paper` create most energy.
 const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
 const FRAMES: usize = 60;
 
@@ -61,7 +62,7 @@ fn run(trial: &Trial, height: f64) -> Result<Motion> {
 }
 
 /// Largest increase of energy (springs included, motor work subtracted) over its previous minimum, relative to the
-/// start's kinetic energy; 1 if the robot hardly moved.
+/// start's kinetic energy; 1 (a failure) if the robot moved by less than 1 m.
 fn energy(trial: &Trial) -> Result<f64> {
     let motion = run(trial, 0.8)?;
     let rise = rise(motion.energies().iter().zip(motion.stored()).zip(&motion.work).map(|((e, s), w)| e + s - w));
