@@ -28,7 +28,7 @@ const STEPS: [(&str, &str); 10] = [
     ("tests", "test --release --workspace"),
 ];
 
-/// Checks one outside package; its name follows.
+/// Arguments that check one package outside the workspace; the package's name is appended.
 const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
 pub fn run() -> Result<()> {

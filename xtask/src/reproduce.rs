@@ -11,7 +11,7 @@ use nerd_train::shipped;
 use crate::options::{DEVICES, SEEDS, STARTS};
 use crate::{out::conduct, prelude::*};
 
-/// Charts to draw: robot and scene.
+/// Charts to draw, as (robot, scene).
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
 
 /// Default folder of results.

@@ -1,4 +1,5 @@
-//! SIGINT and SIGTERM: a run with checkpoints ends with one. Anything else, and any second signal, ends at once.
+//! Handles SIGINT and SIGTERM. A run with checkpoints ends with a checkpoint; any other command ends at once. A second
+//! signal ends all at once.
 
 use nerd_train::stop;
 
@@ -12,7 +13,7 @@ pub fn heed() {
 #[cfg(unix)]
 fn listen() {
     use signal_hook::consts::{SIGINT, SIGTERM};
-    // Without a thread the default handlers stay.
+    // Leaves the default handlers in place if no thread can be started.
     let _ = std::thread::Builder::new().spawn(|| {
         let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) else { return };
         for signal in signals.forever() {
