@@ -138,7 +138,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
             if top && defines && DEFINE.contains(&&*name) {
                 modules[id].defined.insert(word(k + 1));
             }
-            // A name after a dot or two colons belongs to another path; a lowercase name alone is a variable unless it
+            // A name after a dot or two colons belongs to another path. A lowercase name alone is a variable, unless it
             // is called.
             let inside = k > 0 && (mark(k - 1, '.') || k > 1 && path_sign(k - 2));
             let mut path = vec![name];

@@ -1,8 +1,8 @@
 //! Figures published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
 //!
-//! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). The rest is from the
-//! main text: Cartpole (1000 steps), Ant (500 steps: root position in m, orientation in rad, joints in rad), rewards of
-//! policies.
+//! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). All else is from the
+//! main text: Cartpole (1000 steps), Ant (500 steps) and rewards of policies. Errors of Ant are root position (m),
+//! orientation (rad) and joints (rad).
 
 /// A robot's name without the suffix `-paper`.
 fn plain(robot: &str) -> &str {

@@ -102,7 +102,7 @@ pub struct Motion {
     pub system: Arc<System>,
     scene: Arc<Scene>,
     pub states: Vec<Vec<f64>>,
-    /// Work (J) of the motors up to each state: a torque held constant over a frame does the work `tau dq`.
+    /// Work (J) of the motors up to each state. A torque held constant over a frame does the work `tau dq`.
     pub work: Vec<f64>,
 }
 

@@ -1,5 +1,5 @@
-//! `cargo xtask live`: a robot in a browser on this machine, to be watched, pushed and given other solvers while it
-//! moves.
+//! `cargo xtask live`: shows a simulated robot in a browser on this machine. The visitor pushes the robot and swaps its
+//! solver while it moves.
 
 use nerd_lab::live::{Live, Menu, World};
 use nerd_train::spec::SolverSpec;

@@ -1,4 +1,4 @@
-//! Prints errors in one line, with exit code 2 for a command line that cannot be read, 1 for any other failure.
+//! Prints errors in one line. The exit code is 2 for a command line that cannot be read, 1 for any other failure.
 
 use itertools::Itertools;
 

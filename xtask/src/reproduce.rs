@@ -1,6 +1,6 @@
-//! `cargo xtask reproduce`: the main result. Rolls the shipped models out against their truths: Cartpole for 1000
-//! frames, the double pendulum for 100 frames on its seven grounds. Prints the table beside the paper's and draws speed
-//! against accuracy. Takes minutes on two cores.
+//! `cargo xtask reproduce`: the main result. Compares rollouts of the shipped models with their truths. Cartpole runs
+//! for 1000 frames, the double pendulum for 100 frames on its seven grounds. Prints the table beside the paper's and
+//! draws speed against accuracy. Takes minutes on two cores.
 //!
 //! Results go to `out/reproduce`; `--out results` replaces the committed ones.
 

@@ -1,5 +1,5 @@
 //! Handles SIGINT and SIGTERM. A run with checkpoints ends with a checkpoint; any other command ends at once. A second
-//! signal ends all at once.
+//! signal ends any command at once.
 
 use nerd_train::stop;
 

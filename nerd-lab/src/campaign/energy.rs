@@ -153,7 +153,7 @@ fn specification(dice: &mut Dice, flight: bool) -> String {
     text
 }
 
-/// Draws the TOML of the k-th ground: a level or inclined plane, uneven terrain, or a plane with box and peg.
+/// Draws the TOML of the k-th ground: a level or inclined plane, uneven terrain, or a box and a peg.
 fn ground(dice: &mut Dice, k: usize) -> String {
     let lean = if dice.random_bool(0.3) { dice.random_range(-0.4..0.4) } else { 0.0 };
     let grounds = [

@@ -39,7 +39,7 @@ pub struct Row {
     pub reward: Reward,
     pub still: Reward,
     /// (reward - still) / (reward in the truth - still in the truth); `None` where the policy earns no more in the
-    /// truth than the zero-action policy.
+    /// truth than `still`.
     pub share: Option<f64>,
     /// Episodes that ended in a terminal state.
     pub fallen: usize,

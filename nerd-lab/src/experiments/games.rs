@@ -69,8 +69,8 @@ pub fn gap(real: f64, learned: f64) -> f64 {
     100.0 * (learned - real) / real.abs()
 }
 
-/// Standard error of [`gap`] (%) from pairs of episodes with equal starts, with rewards r in the truth and l in the
-/// model: `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
+/// Standard error of [`gap`] (%) from pairs of episodes with equal starts. With rewards r in the truth and l in the
+/// model, it is `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
 fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     let r = Reward::of(real).mean;
     let l = Reward::of(learned).mean;
@@ -116,7 +116,7 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
         bail!("--episodes 0: at least one is needed");
     }
     let mut episodes = arena.episodes(task, n, seed)?;
-    // Remembers nothing for a resume: these episodes are never resumed.
+    // Keeps no frames for snapshots: these episodes are never resumed.
     episodes.remember(0);
     let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
     let mut step = 0;

@@ -36,7 +36,8 @@ pub enum Ask {
     Friction(f64),
     /// Sets gravity along the scene's direction: from 0 to 30 m/s^2.
     Gravity(f64),
-    /// Pulls a link (by index) with a spring from a point (m, link axes) to a target (m, world) until [`Ask::Release`].
+    /// Pulls a link by a spring until [`Ask::Release`]: link index, point of the link (m, link axes), target (m, world
+    /// axes).
     Drag(usize, [f64; 3], [f64; 3]),
     /// Removes the spring.
     Release,

@@ -24,7 +24,8 @@ impl Hand {
     /// mass matrix cannot be factorised.
     pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
         let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
-        // Solves the implicit step for p: p = dt m (k (target - x - dt v') - c v') with v' = v + G p.
+        // Solves the spring's implicit step for the impulse p (N s): p = dt m (k (target - x - dt v') - c v') with v' =
+        // v + G p.
         let spring = dt * mass * PULL;
         let damper = dt * mass * (PULL * dt + 2.0 * PULL.sqrt());
         self.push(batch, |place, speed, gives| {

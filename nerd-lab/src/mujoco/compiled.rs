@@ -50,8 +50,8 @@ pub struct Compared {
     pub differences: Vec<String>,
 }
 
-/// Compares a robot with MuJoCo's compilation of its MJCF at `path`. A static geom touches here only if it is in the
-/// robot's scene and the moving geom has a contact point. For two moving geoms, the file's contact rules are compared.
+/// Compares a robot with MuJoCo's compilation of its MJCF at `path`. A static and a moving geom touch here only if the
+/// scene has the former, and the latter a contact point. For two moving geoms, the file's contact rules are compared.
 pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> {
     let theirs: Compiled = Python::start(python, COMPILED)?.ask(&json!({ "path": path }))?;
     let mut differences = masses(&system.robot, &theirs.masses);

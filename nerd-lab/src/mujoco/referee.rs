@@ -96,8 +96,8 @@ impl Referee {
     }
 }
 
-// Layouts differ only for a free root: ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p x w]` in world axes.
-// MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
+// Our states differ from MuJoCo's only for a floating root. Ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p
+// x w]` in world axes. MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
 
 /// Converts a state `[q, qd]` to MuJoCo's `[qpos, qvel]`.
 pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {

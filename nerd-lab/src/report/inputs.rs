@@ -13,8 +13,8 @@ use sha2::{Digest, Sha256};
 /// Frames of the rollout that identifies a solver. They suffice for falling and contact, and are too few for rounding
 /// to grow.
 const FRAMES: usize = 40;
-/// Largest difference between final states that count as equal, relative to the largest coordinate or to 1. Two
-/// machines may differ by rounding.
+/// Largest relative difference at which two final states count as equal, since machines differ by rounding. It is
+/// relative to the largest coordinate, or to 1 if that is smaller.
 const SAME: f64 = 1e-6;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -20,7 +20,7 @@ const ALIKE: f64 = 1e-6;
 struct Beside {
     /// Largest relative difference between our and MuJoCo's accelerations.
     apart: Result<f64, String>,
-    /// Numbers of moving bodies and of geom pairs that may touch; `None` for a URDF, which has no scene and no
+    /// Number of moving bodies, and number of geom pairs that may touch. `None` for a URDF, which has no scene and no
     /// friction.
     sizes: Option<[usize; 2]>,
     /// Root height above MuJoCo's after standing (m), and angle between both root orientations (rad). `None` for a URDF

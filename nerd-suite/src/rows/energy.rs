@@ -1,5 +1,5 @@
-//! Rows of energy gains and of friction that sticks: long frames, tosses, fast spins, a chain hitting itself, a cube at
-//! rest and sliding on a slope.
+//! Rows of energy gains: long frames, tosses, fast spins, a chain that hits itself. Rows of friction that sticks: a
+//! cube on a slope, at rest and sliding.
 
 use super::*;
 

@@ -131,8 +131,8 @@ pub(super) const ROWS: &[Row] = &[
 ];
 
 /// Mean |dq| after one second between a method and itself with four times the substeps. Returns 1 (a failure) if from
-/// some start no coordinate moved by 0.3 rad or m; a fall moves one by 0.5. Also returns 1 if a floating robot fell
-/// through the ground.
+/// some start no coordinate moved by 0.3 rad or m. A fall moves some coordinate by at least 0.5 rad or m. Also returns
+/// 1 if a floating robot fell through the ground.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64> {
     let system = trial.robot(robot)?;
     let nq = system.robot.nq();
@@ -201,8 +201,7 @@ fn anymal(trial: &Trial, drives: Drives) -> Result<f64> {
         trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
     let joints = system.robot.root_coords();
     let nq = system.robot.nq();
-    // Counts only the second of two seconds under a predictive law, which closes the initial error in one frame at any
-    // velocity.
+    // Leaves out the first second under a predictive law, which closes the initial error in one frame at any velocity.
     let counted = &motion.states[if drives.stable_pd { 60 } else { 0 }..];
     let speed = most(counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).map(|rate| rate.abs()));
     let gap = |s: &[f64]| {

@@ -61,8 +61,8 @@ fn run(trial: &Trial, height: f64) -> Result<Motion> {
     trial.driven(&system, "ground", &state, FRAMES, &mut drive)
 }
 
-/// Largest increase of energy (springs included, motor work subtracted) over its previous minimum, relative to the
-/// start's kinetic energy; 1 (a failure) if the robot moved by less than 1 m.
+/// Largest increase of energy over its previous minimum, relative to the start's kinetic energy. Energy includes
+/// springs, and the motors' work is subtracted. Returns 1 (a failure) if the robot moved by at most 1 m.
 fn energy(trial: &Trial) -> Result<f64> {
     let motion = run(trial, 0.8)?;
     let rise = rise(motion.energies().iter().zip(motion.stored()).zip(&motion.work).map(|((e, s), w)| e + s - w));
@@ -70,8 +70,8 @@ fn energy(trial: &Trial) -> Result<f64> {
     Ok(if way.norm() > 1.0 { rise / motion.totals()[0].kinetic } else { 1.0 })
 }
 
-/// Largest change of linear momentum (without gravity's share) and of angular momentum about the centre of mass,
-/// relative to the start.
+/// Largest change of momentum relative to the start: of linear momentum without gravity's share, and of angular
+/// momentum about the centre of mass.
 fn momentum(trial: &Trial) -> Result<f64> {
     Ok(momentum_change(&run(trial, 20.0)?, |first| first.momentum.lin.norm()))
 }

@@ -50,8 +50,8 @@ impl<'a> Judged<'a> {
 }
 
 impl Calibration {
-    /// Tests the models, one row for each. Models of recorded motion share one row, in which each split uses a model
-    /// that held out the split's test part.
+    /// Tests the models, one row for each. Models of recorded motion share one row: each split uses a model that held
+    /// out the split's test part.
     pub(super) fn modelled(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Modelled>> {
         let all = self.model.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
         let mut rows: Vec<Vec<&Judged>> =

@@ -133,7 +133,7 @@ impl Calibration {
     }
 
     /// Chooses the penalty for each fold from the other folds. For each pair of folds, parameters are learned without
-    /// both; errors on the second choose the first's penalty, and vice versa.
+    /// both. Errors on one of them count for the penalty of the other.
     fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
         let count = folds.iter().map(Vec::len).max().unwrap_or(0);
         let mut sums = vec![[0.0; WEIGHTS.len()]; count];

@@ -1,6 +1,6 @@
 //! MuJoCo's points on a chart. Without contact, errors are measured against our converged reference. With contact
-//! MuJoCo solves another problem (soft constraints), so the reference is its own run at four times the most substeps.
-//! The errors then show convergence to MuJoCo's own answer, not distance from ours.
+//! MuJoCo solves another problem (soft constraints). The reference is then MuJoCo's own rollout at four times the most
+//! substeps. The errors then show convergence to MuJoCo's own answer, not distance from ours.
 
 use nerd_sim::instruments::Replay;
 

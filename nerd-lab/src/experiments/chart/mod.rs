@@ -1,11 +1,11 @@
 //! Speed against accuracy: every solver of a scene on one chart.
 //!
-//! x: microseconds of a frame of one environment on one core. y: mean |dq| over the horizon from a converged reference,
-//! in passive motion from the robot's reset distribution. Time and error come from the same steps, so a broken
-//! simulation cannot be fast. Dashed lines show the reference's own error (its distance from half its substeps) and the
-//! error of repeating the start. A model of another engine is compared with that engine, since it cannot come nearer to
-//! our reference. MuJoCo takes part if `--mujoco` names a Python that has it (`guest`). With `--device cuda` time is
-//! per frame among many environments on a GPU (`experiments/card.rs`).
+//! x: microseconds of a frame of one environment on one core. y: mean |dq| (rad or m) from a converged reference over
+//! the horizon. Motion is passive, from the robot's reset distribution. Time and error come from the same steps, so a
+//! broken simulation cannot be fast. Dashed lines show the reference's own error (its distance from half its substeps)
+//! and the error of repeating the start. A model of another engine is compared with that engine, since it cannot come
+//! nearer to our reference. MuJoCo takes part if `--mujoco` names a Python that has it (`guest`). With `--device cuda`
+//! time is per frame among many environments on a GPU (`experiments/card.rs`).
 //!
 //! `plan.rs` lists the solvers, `measure.rs` measures those with a [`SolverSpec`], and `guest.rs` measures another
 //! engine.

@@ -31,7 +31,8 @@ pub(super) struct Point {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spec: Option<SolverSpec>,
     substeps: Option<usize>,
-    /// Wall time of a frame of one environment (us): the fastest of a few runs on one core, or among many on a GPU.
+    /// Wall time of a frame of one environment (us). On one core, it is the fastest of a few runs; on a GPU, a share of
+    /// many environments' time.
     microseconds: f64,
     pub error: f64,
     /// Mean |dq| from the reference, by quantity (m or rad).

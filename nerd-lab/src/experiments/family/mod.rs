@@ -1,9 +1,9 @@
 //! Measures solver errors on held-out robots of a family, by the number of frames seen before the rollout.
 //!
-//! Starts and torques are the same for every number of frames seen, so an error that falls with them shows knowledge of
-//! the robot. Baselines are `articulated` on the robot as described, and on the robot with all drawn parameters except
-//! torque ripple. The latter is the best that the equations can do. A solver adapts to a robot in two ways: a network
-//! with memory sees its frames, and `articulated` is calibrated on them.
+//! Starts and torques are the same for every number of frames seen. An error that falls with this number thus shows
+//! knowledge of the robot. Baselines are `articulated` on the robot as described, and on the robot with all drawn
+//! parameters except torque ripple. The latter is the best that the equations can do. A solver adapts to a robot in one
+//! of two ways. A network with memory sees the robot's frames; `articulated` is calibrated to them.
 
 mod calibrated;
 

@@ -112,7 +112,7 @@ impl Motions {
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
         let Self { trajectories: starts, frames, seed, .. } = *self;
         let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };
-        // Records each motion in its own batch, in parallel: one batch of few motions would use one or two cores only.
+        // Records each motion in its own batch, in parallel: one batch of few motions would use few cores.
         let one = |env: usize| {
             Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?)
         };

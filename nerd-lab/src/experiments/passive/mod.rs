@@ -1,9 +1,9 @@
 //! Passive motion (the verb `evaluate`): drift of a solver from the truth, and of a model from its own truth.
 //!
-//! [`nerd_train::evaluate`] rolls out and computes the errors: the mean absolute difference of each coordinate over all
-//! steps and trajectories, from the robot's reset distribution without torques. Listed beside them are the error `hold`
-//! of repeating the start, the paper's error and the number of diverged rollouts. A paper-size network takes about 0.5
-//! ms per environment and frame on two cores, a tenth if it streams.
+//! [`nerd_train::evaluate`] rolls out without torques from the robot's reset distribution. An error is the mean
+//! absolute difference of a coordinate over all steps and trajectories. Listed beside them are the error `hold` of
+//! repeating the start, the paper's error and the number of diverged rollouts. A paper-size network takes about 0.5 ms
+//! per environment and frame on two cores, a tenth if it streams.
 
 mod recorded;
 mod rows;
