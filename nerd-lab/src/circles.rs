@@ -9,7 +9,7 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 use crate::{prelude::*, report::below};
 
-/// Most re-exports followed for one name.
+/// Largest number of re-exports that are followed for one name.
 const DEEP: usize = 20;
 /// Keywords before the name of an item that a module defines.
 const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
@@ -27,14 +27,14 @@ struct Module {
     used: BTreeSet<(usize, Vec<String>)>,
 }
 
-/// Target of a path: a module, or an item that the module defines.
+/// Target of a path: a module, or an item in the module that defines it.
 #[derive(Clone, Copy)]
 enum Target {
     Module(usize),
     In(usize),
 }
 
-/// One line for each edge of an import cycle, over all crates of a workspace.
+/// Lists the edges of import cycles in all crates of a workspace, one line each.
 pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     let manifest = std::fs::read_to_string(root.join("Cargo.toml"))
         .with_context(|| format!("no Cargo.toml in {}", root.display()))?;
@@ -47,7 +47,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
-/// One line for each edge of an import cycle in a crate's sources.
+/// Lists the edges of import cycles in a crate's sources, one line each.
 fn of_crate(src: &Path) -> Result<Vec<String>> {
     let modules = read(src)?;
     let mut graph = Graph::new();
@@ -116,7 +116,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
                 k += 1;
             }
         } else if name == "use" {
-            // A re-export is not a use.
+            // Counts only private imports as uses; a re-export is none.
             let private = k == 0 || word(k - 1) != "pub" && within(k - 1, Delimiter::Parenthesis).is_none();
             let first = k + 1;
             while !mark(k, ';') && k < tokens.len() {
@@ -133,7 +133,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
         } else if let TokenTree::Group(group) = &tokens[k] {
             scan(modules, id, &group.stream().into_iter().collect_vec(), false);
         } else if !name.is_empty() {
-            // Excludes `&'static Name` and `*const Name`.
+            // Excludes the keywords in `&'static Name` and `*const Name`, which define nothing.
             let defines = k == 0 || !mark(k - 1, '\'') && !mark(k - 1, '*');
             if top && defines && DEFINE.contains(&&*name) {
                 modules[id].defined.insert(word(k + 1));
@@ -210,7 +210,7 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
     let mut targets = child.into_iter().chain(own).collect_vec();
     for (known, path) in &module.imports {
-        // Globs of other crates are not followed.
+        // Follows globs of this crate only.
         let own = ["crate", "self", "super"].contains(&&*path[0]) || module.children.contains_key(&path[0]);
         if known == name {
             targets.extend(resolve(modules, id, path, deep + 1));
@@ -231,7 +231,7 @@ fn parted(from: &Path, to: &Path) -> [String; 2] {
     [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
 }
 
-/// Edges by source and target, each with its uses.
+/// Edges by source and target path, each with the uses that make it.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
 /// Removes nodes that lack incoming or outgoing edges, until no such node is left. Cycles and paths between cycles
@@ -254,7 +254,7 @@ fn circling(mut graph: Graph) -> Graph {
 mod tests {
     use super::*;
 
-    /// Lines of the cycles in a crate with these files (path, text).
+    /// Returns the lines of `of_crate` for a crate with these files (path, text).
     fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
         let folder = tempfile::tempdir().expect("a folder");
         for (path, text) in files {

@@ -1,4 +1,4 @@
-//! Figures published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
+//! Errors and rewards published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
 //!
 //! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). All else is from the
 //! main text: Cartpole (1000 steps), Ant (500 steps) and rewards of policies. Errors of Ant are root position (m),
@@ -29,7 +29,7 @@ pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
 }
 
 /// Published mean episode rewards `[in the truth, in the learned simulator]`; `None` if unpublished. The policies were
-/// trained in the learned simulator, with three seeds, and played 2048 episodes each.
+/// trained in the learned simulator with three seeds. Each played 2048 episodes.
 pub fn policy_reward(task: &str) -> Option<[f64; 2]> {
     Some(match task {
         "cartpole-swingup" => [1212.5, 1212.6],

@@ -1,4 +1,4 @@
-//! Figures and torques that several rows share.
+//! Measured figures and torques that several rows use.
 
 use nerd_sim::prelude::*;
 use rand::RngExt;
@@ -21,7 +21,7 @@ pub fn sunk(trial: &Trial, body: &Body, springs: f64) -> f64 {
     if trial.method.rigid { 0.0 } else { body.mass * GRAVITY / (springs * body.material[0]) }
 }
 
-/// Velocity (m/s) of a free body's origin.
+/// Velocity (m/s, world axes) of a free body's origin.
 pub fn velocity(state: &[f64]) -> Vector3<f64> {
     vector(&state[10..]) + vector(&state[7..]).cross(&vector(state))
 }

@@ -1,5 +1,5 @@
-//! `cargo xtask check`: format, import cycles, clippy, documentation, outside packages, tests. Stops at the first
-//! failure, and prints the time of each step.
+//! `cargo xtask check`: checks format, import cycles, clippy, documentation, packages outside the workspace, and tests.
+//! Stops at the first failure, and prints the time of each step.
 
 use std::process::Command;
 use std::time::{Duration, Instant};

@@ -103,7 +103,7 @@ fn valued(arg: &Arg) -> bool {
     arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
 }
 
-/// An option as typed: `--out <FILE>`.
+/// Writes an option as it is typed: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
     let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).join(" ");
     match arg.get_long() {

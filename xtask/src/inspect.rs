@@ -1,4 +1,4 @@
-//! `cargo xtask inspect --robot FILE`: a robot's specification, including derived values.
+//! `cargo xtask inspect --robot FILE`: prints a robot's specification, including derived values.
 
 use nerd_lab::survey::verdict;
 use nerd_sim::system::Source;

@@ -1,4 +1,4 @@
-//! `cargo xtask list robots|scenes|tasks|models|rows`: names for the command line.
+//! `cargo xtask list robots|scenes|tasks|models|rows`: lists names that command lines may use.
 
 use nerd_lab::describe::title;
 use nerd_lab::report::{Table, digits};

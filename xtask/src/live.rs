@@ -6,7 +6,7 @@ use nerd_train::spec::SolverSpec;
 
 use crate::prelude::*;
 
-/// Valid ports; 0 is any free one.
+/// Valid TCP ports; 0 stands for any free port.
 const PORTS: std::ops::RangeInclusive<u64> = 0..=65535;
 
 #[derive(clap::Args)]

@@ -2,7 +2,7 @@
 
 use itertools::Itertools;
 
-/// Prints the error; returns the exit code.
+/// Prints an error in one line, and returns the exit code `code`.
 pub fn end(words: &str, code: u8) -> u8 {
     tell!("error: {words}");
     code

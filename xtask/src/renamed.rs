@@ -11,7 +11,8 @@ fn rows() -> impl Iterator<Item = [&'static str; 3]> {
     TABLE.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').collect_vec().try_into().ok())
 }
 
-/// Replaces old names in a command line. Returns one line that names what was replaced, if anything was.
+/// Replaces old names in a command line. Returns the new line, and a note that names the replaced words, if there are
+/// any.
 pub fn replace(words: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
     let mut line = words;
     let mut told = Vec::new();

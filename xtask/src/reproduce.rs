@@ -2,7 +2,7 @@
 //! for 1000 frames, the double pendulum for 100 frames on its seven grounds. Prints the table beside the paper's and
 //! draws speed against accuracy. Takes minutes on two cores.
 //!
-//! Results go to `out/reproduce`; `--out results` replaces the committed ones.
+//! Results go to `out/reproduce`; `--out results` replaces the committed results.
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
 use nerd_lab::{experiments::chart::Chart, report::Artifact};
@@ -14,7 +14,7 @@ use crate::{out::conduct, prelude::*};
 /// Charts to draw, as (robot, scene).
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
 
-/// Default folder of results.
+/// Folder of the results without --out.
 const OWN: &str = "out/reproduce";
 
 #[derive(clap::Args)]

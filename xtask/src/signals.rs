@@ -30,14 +30,14 @@ fn listen() {
 #[cfg(not(unix))]
 pub fn heed() {}
 
-/// The exit code of a successful command, or of one stopped by a signal.
+/// Returns the exit code of a command that ended well: 0, or the signal's code if a signal stopped it.
 pub fn ended() -> u8 {
     let Some(signal) = stop::asked() else { return 0 };
     tell!("{}: stopped with a checkpoint; the same command goes on from it", name(signal));
     code(signal)
 }
 
-/// The exit code of a process ended by a signal.
+/// Returns the exit code of a process that a signal ended.
 pub fn code(signal: i32) -> u8 {
     128 + signal as u8
 }

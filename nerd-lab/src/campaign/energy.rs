@@ -188,7 +188,7 @@ pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<St
         let config = ArticulatedConfig::implicit(substeps, Friction::Coulomb);
         let starts = if card { STARTS_ON_CARD } else { STARTS };
         let Gain { share, ground, frame } = gain(&system, &scenes, &start, starts, &mut *solver(config, card)?)?;
-        // NaN counts as a gain.
+        // Treats a NaN as an energy gain above the limit.
         if share > most || share.is_nan() {
             return Ok(Some(format!(
                 "gains {share:.1e} of its energy at x{substeps} on ground {ground}, by frame {frame}"

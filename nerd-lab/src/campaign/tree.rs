@@ -61,7 +61,7 @@ impl Element {
         1 + self.children.iter().map(Self::count).sum::<usize>()
     }
 
-    /// The k-th element in depth-first order; 0 is the root.
+    /// Returns the k-th element below this one in depth-first order; 0 is this element.
     fn at(&mut self, mut k: usize) -> &mut Self {
         let Some(next) = k.checked_sub(1) else { return self };
         k = next;
@@ -96,7 +96,7 @@ impl Element {
                     own.children.swap(x, y);
                 }
             }
-            // Copies an element into another one.
+            // Copies one element into the children of another.
             3 if n < MOST => {
                 let moved = self.at(a).clone();
                 self.at(b).children.push(moved);

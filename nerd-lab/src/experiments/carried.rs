@@ -30,7 +30,7 @@ settings! {
 const FILE: &str = "MuJoCo, file";
 const OURS: &str = "MuJoCo, ours";
 
-/// Episodes of a policy in one simulator, and of the zero-action policy.
+/// Rewards of a policy and of the zero-action policy in one simulator.
 #[derive(Clone, Serialize)]
 pub struct Row {
     pub task: String,
@@ -41,7 +41,7 @@ pub struct Row {
     /// (reward - still) / (reward in the truth - still in the truth); `None` where the policy earns no more in the
     /// truth than `still`.
     pub share: Option<f64>,
-    /// Episodes that ended in a terminal state.
+    /// Number of the policy's episodes that ended in a terminal state.
     pub fallen: usize,
     /// MuJoCo's versions, differences and settings; `None` for the truth.
     pub there: Option<There>,
@@ -54,7 +54,7 @@ pub struct There {
     pub settings: Settings,
 }
 
-/// A policy, or the zero-action policy, exported as a model with its contract.
+/// A policy, or the zero-action policy, exported as ONNX with its contract.
 struct Exported {
     policy: Policy,
     onnx: PathBuf,

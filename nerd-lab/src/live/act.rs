@@ -7,7 +7,7 @@ use crate::prelude::*;
 
 /// A simulation with its source of torques.
 pub enum Act {
-    /// No torques, or the robot's own control law towards the default pose.
+    /// A robot without torques, or under its own control law towards the default pose.
     Alone(Simulation),
     /// A policy that plays episodes of its task.
     Policy(Box<(Episodes, Running, Actor)>),

@@ -1,4 +1,4 @@
-//! Requests of the page.
+//! Requests that the live page sends.
 
 use serde::Deserialize;
 
@@ -12,7 +12,7 @@ use super::menu::MOST;
 pub enum Ask {
     /// Pauses (true) or resumes the motion.
     Pause(bool),
-    /// Steps one frame.
+    /// Steps one frame, or one policy step.
     Step,
     /// Resets all environments; a policy begins its next episodes.
     Reset,
@@ -26,11 +26,11 @@ pub enum Ask {
     Scene(usize),
     /// Selects a policy and its task: number in the page's list of policies, from 1; 0 for none.
     Policy(usize),
-    /// Number of environments side by side: from 1 to [`super::MOST`].
+    /// Sets the number of environments: from 1 to [`super::MOST`].
     Envs(usize),
     /// Whether a ghost shows the truth's motion, from the present state on.
     Ghost(bool),
-    /// Whether joints without a policy hold the default pose, or are limp.
+    /// Whether the joints of a robot without a policy hold the default pose, or are limp.
     Hold(bool),
     /// Sets all friction coefficients: from 0 to 4.
     Friction(f64),
@@ -39,7 +39,7 @@ pub enum Ask {
     /// Pulls a link by a spring until [`Ask::Release`]: link index, point of the link (m, link axes), target (m, world
     /// axes).
     Drag(usize, [f64; 3], [f64; 3]),
-    /// Removes the spring.
+    /// Removes the spring of [`Ask::Drag`].
     Release,
 }
 

@@ -1,4 +1,4 @@
-//! Draws many environments with one line for each link.
+//! Lines that stand for links, one for each, to draw many environments.
 
 use nalgebra::Point3;
 use nerd_core::dynamics::link_pose;
@@ -10,7 +10,7 @@ use crate::prelude::*;
 #[derive(Serialize)]
 pub(super) struct Stick {
     hue: f64,
-    /// Thickness (m).
+    /// Thickness of the line (m).
     width: f64,
     #[serde(skip)]
     link: usize,

@@ -9,7 +9,7 @@ use crate::prelude::*;
 /// stepped implicitly, since the pulled link may be far lighter than the robot.
 const PULL: f64 = 60.0;
 
-/// A spring from a point of a link to a target.
+/// A spring-damper from a point of a link to a target point.
 #[derive(Clone, Copy)]
 pub(super) struct Hand {
     pub link: usize,

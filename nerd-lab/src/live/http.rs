@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prelude::*;
 
-/// Most open connections.
+/// Largest number of open connections.
 const SEATS: usize = 200;
 /// Longest silence between the requests of a connection.
 const SILENT: Duration = Duration::from_secs(20);
@@ -20,7 +20,7 @@ const HEAD: usize = 8192;
 /// Largest body of a request (bytes).
 pub const BODY: usize = 1024;
 
-/// A parsed request.
+/// A parsed HTTP request.
 #[derive(Default)]
 pub struct Request {
     pub method: String,
@@ -141,7 +141,7 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     let text = if asked.method == "HEAD" { b"" } else { &text[..] };
     stream.write_all(&[head.as_bytes(), text].concat())?;
     if asked.last {
-        // Reads what is still in flight: closing earlier would reset the connection and cut the answer.
+        // Reads what the client still sends: closing earlier would reset the connection and cut the answer.
         stream.shutdown(Shutdown::Write)?;
         stream.set_read_timeout(Some(Duration::from_millis(500)))?;
         let _ = std::io::copy(&mut stream.take(1 << 20), &mut std::io::sink());
@@ -174,7 +174,7 @@ fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'stati
     }
 }
 
-/// Parses a request once it is complete. Pipelined requests are not supported.
+/// Parses a request; `None` while it is not complete. Pipelined requests are not supported.
 fn parsed(bytes: &[u8]) -> Result<Option<Request>, (u16, &'static str)> {
     const LONG: (u16, &str) = (413, "an ask is at most 1024 bytes, and says how many");
     let mut headers = [httparse::EMPTY_HEADER; 64];

@@ -9,13 +9,13 @@ use crate::{prelude::*, roll::begun};
 
 pub const MOST: usize = 4096;
 
-/// Lists of choices, and the present choice by index.
+/// Lists of choices, and the present choice as indices into them.
 #[derive(Clone, Default, Serialize)]
 pub struct Menu {
     pub robots: Vec<String>,
     pub scenes: Vec<String>,
     pub policies: Vec<PathBuf>,
-    /// Folders of models, besides `models/ROBOT`.
+    /// Folders of models to choose from, besides `models/ROBOT`.
     #[serde(skip)]
     pub models: Vec<PathBuf>,
     pub robot: usize,

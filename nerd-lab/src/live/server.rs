@@ -10,7 +10,7 @@ use super::http::{Reply, Request, Server, refused};
 use super::world::World;
 use crate::prelude::*;
 
-/// Most queued requests; further ones are refused.
+/// Largest number of queued requests; further requests are refused.
 const WAITING: usize = 64;
 
 const PAGE: &str = include_str!("live.html");

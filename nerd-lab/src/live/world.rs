@@ -55,7 +55,7 @@ pub struct Shown {
     /// Substeps a frame, if the solver lets them be chosen.
     pub substeps: Option<usize>,
     pub paused: bool,
-    /// Whether joints without a policy hold the default pose.
+    /// Whether the joints of a robot without a policy hold the default pose.
     pub hold: bool,
     /// The last error, in one line; empty if there is none.
     pub trouble: String,

@@ -158,7 +158,7 @@ impl<'a> Ours<'a> {
         places.first().map(|place| &self.scene.colliders[*place])
     }
 
-    /// Contact properties of two surfaces, if they touch.
+    /// Returns the contact properties of two surfaces, given by index, if they touch.
     fn touch(&self, [a, b]: [usize; 2]) -> Option<Touch> {
         let law = self.system.surfaces.between(a, b)?;
         let (own, other) = if self.surface(a).still { (b, a) } else { (a, b) };

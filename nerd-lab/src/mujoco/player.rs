@@ -32,7 +32,7 @@ pub enum Model<'a> {
 pub struct Played {
     pub versions: String,
     pub games: Vec<Game>,
-    /// Episodes that ended in a terminal state.
+    /// Number of episodes that ended in a terminal state.
     pub fallen: usize,
     pub settings: Settings,
     /// Largest differences of Python's observations, actions and torques from ours at the same states. Each is divided

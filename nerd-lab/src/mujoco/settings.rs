@@ -16,15 +16,15 @@ pub struct Settings {
     pub gravity: [f64; 3],
     /// Dimensions (`condim`) of the contacts.
     pub condim: Vec<u32>,
-    /// Sliding friction coefficient.
+    /// Sliding friction coefficients of the contacts.
     pub friction: Vec<[f64; 2]>,
     pub solref: Vec<[f64; 2]>,
     pub solimp: Vec<[f64; 2]>,
     /// Armature of each joint, including actuator rotors (kg m^2 or kg).
     pub armature: Vec<f64>,
-    /// What actions set: torques, or targets of the file's position actuators.
+    /// What the policy's actions set: torques, or targets of the file's position actuators.
     pub control: String,
-    /// Whether links touched each other.
+    /// Whether links of the robot touched each other in the run.
     pub self_contact: bool,
     pub ground: String,
 }

@@ -1,4 +1,4 @@
-//! MuJoCo's final state of a robot whose joints are held by drives, from the robot's own file.
+//! Simulates a robot's own file in MuJoCo, with joints held by drives, to find where the robot comes to rest.
 
 use serde_json::json;
 

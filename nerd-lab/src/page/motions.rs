@@ -67,7 +67,7 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     side_by_side(&title, &batch, model, &recording.torques, frames)
 }
 
-/// Rolls out a model and its truth from one start, under `torques[frame][joint]` (N m or N).
+/// Rolls out a model and its truth from one start state, under `torques[frame][joint]` (N m or N).
 fn side_by_side(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
     let system = &start.system;
     let mut replay = Replay::new(title, start, system.frame_time);

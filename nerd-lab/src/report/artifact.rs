@@ -13,7 +13,7 @@ pub struct Artifact {
     pub provenance: Provenance,
     #[serde(default)]
     pub inputs: Inputs,
-    /// Size of the measurement, such as rollouts times frames. A result is replaced only by one with at least this
+    /// Size of the measurement, such as rollouts times frames. A result is replaced only by a result of at least this
     /// effort.
     #[serde(default)]
     pub effort: f64,
@@ -89,7 +89,7 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     Ok(())
 }
 
-/// Rows under a header. Cells are text for readers; the numbers are in the artefact's data.
+/// A table of rows under a header. Cells are text for readers; exact numbers are in the result's data.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Table {
     /// One word by which documents refer to the table.

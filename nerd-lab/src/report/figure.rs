@@ -27,7 +27,7 @@ pub struct Axis {
     pub log: bool,
 }
 
-/// Connected points. Series with equal names share a colour and a legend entry.
+/// A line through points. Series with equal names share a colour and a legend entry.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// An empty name makes a grey series without legend entry.
@@ -52,7 +52,7 @@ pub enum Style {
     Marked,
 }
 
-/// A solver at one setting, in a figure of error against cost.
+/// Point of a solver at one setting, in a figure of error against cost.
 pub struct Mark<'a> {
     pub series: &'a str,
     pub cost: f64,

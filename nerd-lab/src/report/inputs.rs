@@ -46,7 +46,7 @@ impl Input {
         Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
     }
 
-    /// Data files from outside the repository, in this order.
+    /// Identifies data files from outside the repository by their content, in this order.
     pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
         Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }

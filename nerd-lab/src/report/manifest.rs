@@ -110,7 +110,7 @@ impl Entry {
     }
 }
 
-/// A command line without the parts that do not affect a result: the program's name, `--out` and `--json`.
+/// Removes the parts of a command line that do not affect a result: the program's name, `--out` and `--json`.
 fn plain(command: &str) -> String {
     let called =
         ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));

@@ -23,7 +23,7 @@ pub struct Surveyed {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
     pub links: usize,
-    /// Joints with one degree of freedom each.
+    /// Number of joints, each with one degree of freedom.
     pub joints: usize,
     /// Total mass (kg).
     pub mass: f64,

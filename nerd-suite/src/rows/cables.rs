@@ -65,7 +65,7 @@ fn swing(trial: &Trial) -> Result<f64> {
     let place = |k: usize| 0.01 * bessel(ZERO * (1.0 - k as f64 / 20.0).sqrt());
     let slope = |k: usize| 20.0 * (place(k + 1) - place(k));
     let mut state = system.robot.zero_state();
-    // Only the first hinge of each pair moves.
+    // Bends the chain in one plane: only the first hinge of each pair moves.
     (0..20).for_each(|k| state[2 * k] = if k == 0 { slope(0) } else { slope(k) - slope(k - 1) });
     let motion = trial.passive(&system, "free", &state, 240)?;
     let start = end(&system, &state).xy();

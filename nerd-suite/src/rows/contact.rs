@@ -88,7 +88,7 @@ fn ball() -> Body {
 fn rest(trial: &Trial) -> Result<f64> {
     let body = Body::default();
     let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.1]), 300)?;
-    // A box's corners have a contact radius of 1e-5 m.
+    // Adds 1e-5 m, the contact radius of a box's corners.
     Ok((vector(motion.last()) - Vector3::z() * (0.1 + 1e-5 - sunk(trial, &body, 4.0))).norm())
 }
 
@@ -122,7 +122,7 @@ fn tip(trial: &Trial, times: f64) -> Result<f64> {
     Ok(if times == 1.0 { motion.above(gain(&motion)) } else { gain(&motion) })
 }
 
-/// Largest gain of energy over the start, relative to the start's kinetic energy.
+/// Largest gain of energy over the start's energy, divided by the start's kinetic energy.
 fn gain(motion: &Motion) -> f64 {
     let e = motion.energies();
     let first = motion.totals()[0].kinetic;
@@ -211,14 +211,14 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.
+/// A plate of 1 kg and 0.4 x 0.4 x 0.1 m.
 fn plate() -> Body {
     let a = (0.16 + 0.01) / 12.0;
     let b = 0.32 / 12.0;
     Body { shape: r#"<box size="0.4 0.4 0.1"/>"#.into(), inertia: [a, a, b], ..Default::default() }
 }
 
-/// A table of 1 kg: its centre 0.27 m above the ground, on four feet 0.6 m by 0.4 m apart.
+/// A table of 1 kg on four feet 0.6 m by 0.4 m apart. Its centre is 0.27 m above the ground.
 fn table() -> Body {
     Body { feet: Some([0.3, 0.2, 0.25]), inertia: [0.03, 0.05, 0.07], ..Default::default() }
 }
@@ -232,7 +232,7 @@ fn stopping(trial: &Trial) -> Result<f64> {
     })
 }
 
-/// Distance (m) and velocity (m/s) down a slope after `frames` frames from rest.
+/// Releases a body at rest on a slope, and returns its distance (m) and velocity (m/s) downhill after `frames` frames.
 fn down(trial: &Trial, body: Body, degrees: f64, height: f64, frames: usize) -> Result<(f64, f64)> {
     let slope = degrees.to_radians();
     let body = Body { slope, ..body };

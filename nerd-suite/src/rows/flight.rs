@@ -114,7 +114,8 @@ fn precession(trial: &Trial) -> Result<f64> {
 }
 
 fn tumbling(trial: &Trial) -> Result<f64> {
-    // A solid box of 8 kg: m (b^2 + c^2) / 3 in half extents; its principal axes are tilted about (1, 1, 1).
+    // A solid box of 8 kg, with moments m (b^2 + c^2) / 3 for half extents b, c. Its principal axes are tilted about
+    // (1, 1, 1).
     let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
     let (roll, pitch, yaw) = nalgebra::UnitQuaternion::from_axis_angle(&axis, 0.7).euler_angles();
     let inertia = [13.0, 10.0, 5.0].map(|x| 8.0 / 3.0 * x);
@@ -148,7 +149,7 @@ fn dzhanibekov(trial: &Trial) -> Result<f64> {
     let motion = fly(trial, &brick(), MIDDLE, [0.0; 3], frames)?;
     let last = motion.last();
     let found = quaternion(&last[3..7]).inverse() * vector(&last[7..10]);
-    // Reference: I w' = -w x I w by classical Runge-Kutta.
+    // Integrates the reference, I w' = -w x I w in body axes, by classical Runge-Kutta.
     let inertia = Vector3::from(brick().inertia);
     let rate = |w: Vector3<f64>| -w.cross(&inertia.component_mul(&w)).component_div(&inertia);
     let mut w = Vector3::from(MIDDLE);
@@ -181,7 +182,7 @@ fn single(trial: &Trial) -> Result<f64> {
     Ok(turned(&double, (a - b).norm() / a.norm()))
 }
 
-/// A solver with its states rounded to f32 after every frame.
+/// A solver whose states are rounded to f32 after every frame.
 struct Rounded(Box<dyn Solver>);
 
 impl Solver for Rounded {

@@ -15,7 +15,7 @@ struct Drives {
     armature: f64,
     kp: f64,
     kd: f64,
-    /// Whether the law uses the state predicted for the end of the frame.
+    /// Whether the PD law uses the state predicted for the end of the frame.
     stable_pd: bool,
 }
 

@@ -72,7 +72,7 @@ fn height(motion: &Motion) -> f64 {
     most(motion.states.iter().map(|s| (s[2] - motion.states[0][2]).abs()))
 }
 
-/// Largest relative change of energy, springs included.
+/// Largest change of energy (springs included), divided by the start's energy.
 fn energy(motion: &Motion) -> f64 {
     let e: Vec<f64> = motion.energies().iter().zip(motion.stored()).map(|(e, s)| e + s).collect();
     most(e.iter().map(|x| (x / e[0] - 1.0).abs()))

@@ -38,7 +38,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// One second of running; the torso starts at `height` (m) above the ground.
+/// Rolls out one second of running; the torso starts at `height` (m) above the ground.
 fn run(trial: &Trial, height: f64) -> Result<Motion> {
     let system = trial.robot("ant")?;
     let mut state = system.default_state();

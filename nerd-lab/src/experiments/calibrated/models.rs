@@ -16,7 +16,7 @@ use crate::prelude::*;
 pub struct Modelled {
     /// The model's folder; the first folder if each split has its own model.
     pub model: String,
-    /// Most frames before a rollout that its predictions may depend on.
+    /// Most frames before a rollout on which the model's predictions may depend.
     pub before: usize,
     /// Errors with the frames before each rollout as history, at most `before`.
     pub shown: Vec<Scored>,

@@ -24,7 +24,7 @@ pub struct Judged {
     pub log: String,
     /// Id of the trajectory in the log.
     pub id: u64,
-    /// Number of rollouts of each length.
+    /// Number of test rollouts, by length.
     pub rollouts: Vec<usize>,
     /// Mean joint errors `[method][length]` (rad or m) over all predicted frames.
     pub errors: Vec<Vec<f64>>,
@@ -58,7 +58,7 @@ impl Calibration {
         FitConfig { evaluations: self.evaluations / share, trials: self.rollouts, seed: self.seed, gradients: true }
     }
 
-    /// Rollouts for fitting, half as long as those for testing.
+    /// Cuts a log into rollouts for fitting, half as long as those for testing.
     fn pieces(&self, log: &Log, every: usize) -> Vec<Trial> {
         log.trials((self.frames / 2).max(1) + 1, every.max(1))
     }

@@ -6,7 +6,7 @@ use rand::{RngExt, seq::SliceRandom};
 
 use crate::prelude::*;
 
-/// Trials for training and for testing; no trajectory is in both.
+/// Trials for fitting and for testing; no trajectory is in both.
 pub(super) struct Parts {
     pub train: Vec<Trial>,
     pub judged: Vec<Trial>,

@@ -1,4 +1,4 @@
-//! A chart's settings, and the methods and scene they name.
+//! A chart's settings, and the methods and scene that the settings name.
 
 use crate::roll::{begun, refusal};
 use crate::{describe::title, error::unused, prelude::*};
@@ -39,12 +39,12 @@ pub(super) struct Plan {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
     pub methods: Vec<Method>,
-    /// Series that are left out, with reasons.
+    /// Messages on the series that are left out, each with its reason.
     pub refused: Vec<String>,
     /// Whether forces act that explicit steps do not support.
     pub implicit: bool,
     pub protocol: PassiveConfig,
-    /// Environments stepped together on a GPU; `None` on the CPU.
+    /// Number of environments stepped together on a GPU; `None` on the CPU.
     pub environments: Option<usize>,
 }
 
@@ -121,7 +121,7 @@ impl Plan {
     }
 }
 
-/// Analytic solvers at powers of two of substeps.
+/// Lists the analytic solvers, with powers of two as numbers of substeps.
 fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<SolverSpec> {
     let ours = |method, most| powers(most).map(move |n| SolverSpec::articulated(method, n));
     let mut specs: Vec<SolverSpec> = if implicit { Vec::new() } else { ours(Stepping::Euler, most).collect() };

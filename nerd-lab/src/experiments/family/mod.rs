@@ -132,7 +132,7 @@ impl Family {
         for folder in &self.model {
             let config = ModelConfig::read(folder)?;
             let own = config.robot == system.name;
-            // A model of the base robot runs on the robot as described.
+            // Runs a model of the base robot on the robot as described, without drawn parameters.
             let (pieces, like) = if own {
                 (pieces.clone(), system.clone())
             } else {

@@ -4,7 +4,7 @@ use nerd_train::cost::each;
 
 use crate::prelude::*;
 
-/// A motion is lost if its error exceeds this factor times the largest recorded distance from the origin.
+/// A motion is lost if a frame's mean distance exceeds this factor times the largest recorded distance from the origin.
 const FAR: f64 = 10.0;
 
 /// Contact points (m, world): `[frame][motion][point]`.
@@ -97,7 +97,7 @@ pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bo
 mod tests {
     use super::*;
 
-    /// Three motions of one point over two frames: the solver loses one, and another leaves for one frame.
+    /// Three motions of one point over two frames: the solver fails on one, another goes too far in one frame.
     #[test]
     fn what_is_lost_is_in_no_mean() {
         let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];
