@@ -1,7 +1,7 @@
 //! Finds import cycles within a crate, between files and between folders, from the tokens of its sources.
 //!
 //! An edge leads from a file to each file that defines a name it uses. Re-exports are followed and add no edge; tests
-//! are left out. An edge counts between the first path components that differ: two files of a folder, or two folders.
+//! are left out. An edge connects the first path components that differ: two files of one folder, or two folders.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 use crate::{prelude::*, report::below};
 
-/// Most re-exports followed for one name.
+/// Largest number of re-exports that are followed for one name.
 const DEEP: usize = 20;
 /// Keywords before the name of an item that a module defines.
 const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
@@ -23,18 +23,18 @@ struct Module {
     defined: BTreeSet<String>,
     /// Imported names (`*` for a glob) and their paths.
     imports: Vec<(String, Vec<String>)>,
-    /// Paths used by the code, with their lines.
+    /// Paths that the code uses, as (line number, path).
     used: BTreeSet<(usize, Vec<String>)>,
 }
 
-/// Target of a path: a module, or an item that the module defines.
+/// Target of a path: a module, or an item in the module that defines it.
 #[derive(Clone, Copy)]
 enum Target {
     Module(usize),
     In(usize),
 }
 
-/// One line for each edge of an import cycle, over all crates of a workspace.
+/// Lists the edges of import cycles in all crates of a workspace, one line each.
 pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     let manifest = std::fs::read_to_string(root.join("Cargo.toml"))
         .with_context(|| format!("no Cargo.toml in {}", root.display()))?;
@@ -47,7 +47,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
-/// One line for each edge of an import cycle in a crate's sources.
+/// Lists the edges of import cycles in a crate's sources, one line each.
 fn of_crate(src: &Path) -> Result<Vec<String>> {
     let modules = read(src)?;
     let mut graph = Graph::new();
@@ -69,7 +69,7 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
     Ok(circling(graph).into_iter().flat_map(lines).collect())
 }
 
-/// Modules of all files; the root is the first.
+/// Parses all files below `src` into modules; the crate's root is the first.
 fn read(src: &Path) -> Result<Vec<Module>> {
     let mut modules = vec![Module::default()];
     for path in below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
@@ -116,7 +116,7 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
                 k += 1;
             }
         } else if name == "use" {
-            // A re-export is not a use.
+            // Counts only private imports as uses; a re-export is none.
             let private = k == 0 || word(k - 1) != "pub" && within(k - 1, Delimiter::Parenthesis).is_none();
             let first = k + 1;
             while !mark(k, ';') && k < tokens.len() {
@@ -133,12 +133,12 @@ fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
         } else if let TokenTree::Group(group) = &tokens[k] {
             scan(modules, id, &group.stream().into_iter().collect_vec(), false);
         } else if !name.is_empty() {
-            // Excludes `&'static Name` and `*const Name`.
+            // Excludes the keywords in `&'static Name` and `*const Name`, which define nothing.
             let defines = k == 0 || !mark(k - 1, '\'') && !mark(k - 1, '*');
             if top && defines && DEFINE.contains(&&*name) {
                 modules[id].defined.insert(word(k + 1));
             }
-            // A name after a dot or two colons belongs to another path; a lowercase name alone is a variable unless it
+            // A name after a dot or two colons belongs to another path. A lowercase name alone is a variable, unless it
             // is called.
             let inside = k > 0 && (mark(k - 1, '.') || k > 1 && path_sign(k - 2));
             let mut path = vec![name];
@@ -210,7 +210,7 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
     let mut targets = child.into_iter().chain(own).collect_vec();
     for (known, path) in &module.imports {
-        // Globs of other crates are not followed.
+        // Follows globs of this crate only.
         let own = ["crate", "self", "super"].contains(&&*path[0]) || module.children.contains_key(&path[0]);
         if known == name {
             targets.extend(resolve(modules, id, path, deep + 1));
@@ -225,16 +225,17 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     targets
 }
 
-/// The first components at which two paths differ.
+/// Cuts two paths after the first component in which they differ.
 fn parted(from: &Path, to: &Path) -> [String; 2] {
     let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
     [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
 }
 
-/// Edges by source and target, each with its uses.
+/// Edges by source and target path, each with the uses that make it.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
-/// Removes nodes without incoming or outgoing edges until none is left: cycles and paths between them remain.
+/// Removes nodes that lack incoming or outgoing edges, until no such node is left. Cycles and paths between cycles
+/// remain.
 fn circling(mut graph: Graph) -> Graph {
     loop {
         let before = graph.len();
@@ -253,7 +254,7 @@ fn circling(mut graph: Graph) -> Graph {
 mod tests {
     use super::*;
 
-    /// Lines of the cycles in a crate with these files (path, text).
+    /// Returns the lines of `of_crate` for a crate with these files (path, text).
     fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
         let folder = tempfile::tempdir().expect("a folder");
         for (path, text) in files {
@@ -269,7 +270,7 @@ mod tests {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
         let body = ("body/mod.rs", "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n");
         let deep = ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n");
-        // Used through the re-export at the root, inside a macro.
+        // Uses `Deep` inside a macro, through the re-export in `body`.
         let name =
             ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let found = circles_of(&[lib, body, deep, name]);

@@ -1,10 +1,10 @@
-//! Solvers in tables and legends.
+//! Describes solvers for tables and legends.
 
 use nerd_model::{base::Base, form::View, transformer::Architecture};
 
 use crate::prelude::*;
 
-/// Form and size of a model; of any other solver its text.
+/// Describes a model by its form and size (million parameters), any other solver by its text.
 pub fn title(spec: &SolverSpec) -> Result<String> {
     let Some(folder) = spec.folder() else { return Ok(spec.to_string()) };
     let model = ModelConfig::read(folder)?;
@@ -16,11 +16,11 @@ pub fn title(spec: &SolverSpec) -> Result<String> {
     Ok(format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6))
 }
 
-/// Bytes that a solver keeps of an environment, beside the batch.
+/// Returns the bytes that a solver keeps for each environment, besides the batch.
 pub fn bytes(spec: &SolverSpec) -> Result<usize> {
     let Some(folder) = spec.folder() else { return Ok(0) };
     let network = ModelConfig::read(folder)?.network;
-    // Tokens of a window, and keys and values of every layer.
+    // Numbers of one frame in the history: its token, and the keys and values of every layer.
     let token = network.inputs.saturating_add(network.layers.saturating_mul(network.embedding).saturating_mul(2));
     Ok(network.history.saturating_mul(token).saturating_mul(8))
 }

@@ -1,4 +1,4 @@
-//! Errors of one line each.
+//! Makes errors of one line each.
 
 use crate::prelude::*;
 

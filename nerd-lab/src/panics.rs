@@ -1,8 +1,8 @@
-//! Panics as results, not as text on standard error.
+//! Returns panics as errors instead of printing them on standard error.
 
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 
-/// Runs `of` without a line for each panic, which would break a progress bar.
+/// Runs `of` without printing its panics, whose text would break a progress bar.
 pub fn silent<T>(of: impl FnOnce() -> T) -> T {
     let hook = take_hook();
     set_hook(Box::new(|_| ()));
@@ -11,7 +11,7 @@ pub fn silent<T>(of: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Runs `of`; the error is what a panic says.
+/// Runs `of`; a panic becomes an error with the panic's message.
 pub fn caught<T>(of: impl FnOnce() -> T) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(of)).map_err(|panic| {
         let said = panic.downcast_ref::<&str>().map(ToString::to_string);

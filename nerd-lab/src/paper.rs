@@ -1,8 +1,8 @@
-//! Figures published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
+//! Errors and rewards published in the paper (*Neural Robot Dynamics*, 2025), for comparison.
 //!
-//! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). The rest is from the
-//! main text: Cartpole (1000 steps), Ant (500 steps: root position in m, orientation in rad, joints in rad), rewards of
-//! policies.
+//! Double pendulum: appendix, Table A.2 (2048 starts, 100 steps, mean joint-angle error in rad). All else is from the
+//! main text: Cartpole (1000 steps), Ant (500 steps) and rewards of policies. Errors of Ant are root position (m),
+//! orientation (rad) and joints (rad).
 
 /// A robot's name without the suffix `-paper`.
 fn plain(robot: &str) -> &str {
@@ -10,7 +10,8 @@ fn plain(robot: &str) -> &str {
 }
 
 /// Published mean errors of the learned simulator, in the order of [`nerd_train::evaluate::summary`]; `None` if
-/// unpublished. Their truth is the reference simulator, so only errors against the preset `paper` compare with them.
+/// unpublished. The paper measures errors against its reference simulator, so only our errors against the preset
+/// `paper` are comparable.
 pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
     let pair = match (plain(robot), scene) {
         ("cartpole", "free") => Some([0.033, 0.075]),
@@ -28,7 +29,7 @@ pub fn passive_error(robot: &str, scene: &str) -> Option<Vec<f64>> {
 }
 
 /// Published mean episode rewards `[in the truth, in the learned simulator]`; `None` if unpublished. The policies were
-/// trained in the learned simulator, with three seeds, and played 2048 episodes each.
+/// trained in the learned simulator with three seeds. Each played 2048 episodes.
 pub fn policy_reward(task: &str) -> Option<[f64; 2]> {
     Some(match task {
         "cartpole-swingup" => [1212.5, 1212.6],

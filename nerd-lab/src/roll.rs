@@ -2,7 +2,7 @@
 
 use crate::prelude::*;
 
-/// `n` environments, each with a start drawn from its own stream of the seed.
+/// Makes a batch of `n` environments. Each starts at a state drawn by `law` from its own random stream of `seed`.
 pub fn begun(system: &Arc<System>, scene: &Arc<Scene>, n: usize, law: Start, seed: u64) -> Batch {
     let mut batch = Batch::new(system, scene, n);
     (0..n).for_each(|env| batch.reset(env, &start(system, law, &mut stream(seed, env as u64))));
@@ -13,7 +13,7 @@ pub fn idle(batch: &Batch) -> Vec<f64> {
     vec![0.0; batch.len() * batch.system.robot.joint_count()]
 }
 
-/// Why a solver cannot step a robot in a scene at all; `None` if it can, or if it only gives up this state.
+/// Says why a solver cannot step a robot in a scene at all. `None` if it can, or if it only gives up the tried state.
 pub fn refusal(solver: &mut dyn Solver, system: &Arc<System>, scene: &Arc<Scene>) -> Option<String> {
     let mut batch = Batch::new(system, scene, 1);
     let torques = idle(&batch);

@@ -1,16 +1,16 @@
-//! Small systems that the rows step: a free body, pendulums, a slider. Built from URDF and TOML; z is up.
+//! Small systems that the rows step: a free body, pendulums, a slider. They are built from URDF and TOML; z is up.
 
 use nerd_sim::prelude::*;
 
-/// The identity orientation (x y z w).
+/// The identity orientation as a quaternion (x y z w).
 pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// A free rigid body.
+/// Description of a free rigid body and of the ground below it.
 #[derive(Clone, Debug)]
 pub struct Body {
     /// URDF geometry, such as `<sphere radius="0.1"/>`.
     pub shape: String,
-    /// `[x, y, z]` (m): four feet at (+-x, +-y, -z) in the body frame, in place of `shape`. Feet are spheres with a
+    /// `[x, y, z]` (m) of four feet at (+-x, +-y, -z) in the body frame, which replace `shape`. Feet are spheres with a
     /// radius of 0.02 m.
     pub feet: Option<[f64; 3]>,
     /// Mass (kg).
@@ -19,20 +19,20 @@ pub struct Body {
     pub inertia: [f64; 3],
     /// Centre of mass (m) in the body frame.
     pub com: [f64; 3],
-    /// Roll, pitch and yaw (rad) of the principal axes.
+    /// Roll, pitch and yaw (rad) of the principal axes in the body frame.
     pub rpy: [f64; 3],
-    /// Frame time (s) as in a robot's TOML, such as `1/60`.
+    /// Frame time (s) as text of a robot's TOML, such as `1/60`.
     pub frame: &'static str,
     /// Gravitational acceleration (m/s^2), downwards.
     pub gravity: f64,
-    /// Rotation of the ground about y (rad).
+    /// Inclination of the ground: its rotation about y (rad).
     pub slope: f64,
     /// Contact stiffness (N/m), damping (N s/m), tangential damping (N s/m), friction coefficient.
     pub material: [f64; 4],
 }
 
 impl Default for Body {
-    /// A cube with edges of 0.2 m and a mass of 1 kg.
+    /// Makes a cube of 1 kg with edges of 0.2 m.
     fn default() -> Self {
         Self {
             shape: r#"<box size="0.2 0.2 0.2"/>"#.into(),
@@ -50,7 +50,7 @@ impl Default for Body {
 }
 
 impl Body {
-    /// The body as a system, with the scenes `free` (nothing) and `ground` (a plane through the origin).
+    /// Makes a system of the body, with the scenes `free` (nothing) and `ground` (a plane through the origin).
     pub fn system(&self) -> Result<Arc<System>, SystemError> {
         let collision = |[x, y, z]: [f64; 3], shape: &str| {
             format!(r#"<collision><origin xyz="{x} {y} {z}"/><geometry>{shape}</geometry></collision>"#)
@@ -79,30 +79,31 @@ impl Body {
         System::from_text("body", &urdf, Some(&toml)).map(Arc::new)
     }
 
-    /// The body's state. `p` (m) and `v` (m/s): position and velocity of the body frame's origin. `q` (x y z w) and `w`
-    /// (rad/s): orientation and angular velocity. All in world axes.
+    /// Returns the body's state `[q, qd]`. `p` (m) and `v` (m/s) are the position and velocity of the body frame's
+    /// origin. `q` (x y z w) and `w` (rad/s) are its orientation and angular velocity. All are in world axes.
     pub fn state(p: [f64; 3], q: [f64; 4], w: [f64; 3], v: [f64; 3]) -> Vec<f64> {
         let [place, spin, velocity] = [p, w, v].map(nalgebra::Vector3::from);
         let velocity_at_world_origin = velocity - spin.cross(&place);
         [&p[..], &q[..], &w[..], velocity_at_world_origin.as_slice()].concat()
     }
 
-    /// The upright state at position `p` (m), at rest.
+    /// Returns the state of the upright body at rest, with its origin at `p` (m).
     pub fn at(p: [f64; 3]) -> Vec<f64> {
         Self::state(p, UPRIGHT, [0.0; 3], [0.0; 3])
     }
 }
 
-/// A link with its mass (kg) at `place` (m, three numbers). The small moment of inertia (kg m^2), the same about every
-/// axis, keeps the mass matrix regular.
+/// Writes the URDF of a link with its `mass` (kg) at `place` (m, three numbers). The small moment of inertia (kg m^2),
+/// the same about every axis, keeps the mass matrix regular.
 fn link(name: &str, place: &str, mass: f64, moment: impl std::fmt::Display) -> String {
     let inertia = format!(r#"<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>"#);
     let inertial = format!(r#"<inertial><origin xyz="{place}"/><mass value="{mass}"/>{inertia}</inertial>"#);
     format!(r#"<link name="{name}">{inertial}</link>"#)
 }
 
-/// A chain of hinges with axes along y. Each link is 1 m long along x, with its mass (kg) at its end. `joint`: TOML
-/// lines added to every joint. `frame`: frame time (s), such as `1/60`. `gravity`: acceleration (m/s^2), downwards.
+/// Makes a chain of links on hinges with axes along y. Each link is 1 m long along x, with its mass (kg) at its end.
+/// `joint`: TOML lines added to every joint. `frame`: frame time (s), such as `1/60`. `gravity`: acceleration (m/s^2),
+/// downwards.
 pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<Arc<System>, SystemError> {
     let mut urdf = String::from(r#"<robot name="chain"><link name="l0"/>"#);
     let mut toml = format!(
@@ -124,7 +125,7 @@ pub fn chain(masses: &[f64], joint: &str, frame: &str, gravity: f64) -> Result<A
     System::from_text("chain", &(urdf + "</robot>"), Some(&toml)).map(Arc::new)
 }
 
-/// A slider of 1 kg along x, without gravity. Its limits, at -0.5 and 0.5 m, are springs of 1e4 N/m.
+/// Makes a slider of 1 kg along x, without gravity. Its limits, at -0.5 and 0.5 m, are springs of 1e4 N/m.
 pub fn slider() -> Result<Arc<System>, SystemError> {
     let urdf = concat!(
         r#"<robot name="slider"><link name="rail"/><link name="box"><inertial><mass value="1"/>"#,
@@ -138,7 +139,7 @@ pub fn slider() -> Result<Arc<System>, SystemError> {
     System::from_text("slider", urdf, Some(toml)).map(Arc::new)
 }
 
-/// A bob of 1 kg, 1 m below a universal joint. The joint rotates about x, then about y.
+/// Makes a pendulum: a bob of 1 kg, 1 m below a universal joint. The joint rotates about x, then about y.
 pub fn universal() -> Result<Arc<System>, SystemError> {
     let joint = |name: &str, parent: &str, child: &str, axis: &str| {
         let links = format!(r#"<parent link="{parent}"/><child link="{child}"/>"#);

@@ -13,7 +13,7 @@ mod trial;
 pub use row::{Cell, Line, Row, Verdict};
 pub use trial::{Error, Method, rise};
 
-/// The rows to run.
+/// The stability suite: the rows to run.
 #[derive(Clone, Debug)]
 pub struct Suite {
     rows: Vec<&'static Row>,
@@ -26,13 +26,13 @@ impl Default for Suite {
 }
 
 impl Suite {
-    /// All rows.
+    /// Makes a suite of all rows.
     pub fn new() -> Self {
         Self { rows: rows::all().collect() }
     }
 
-    /// Keeps the rows with one of `words` in their names; all rows without words. A word that matches no row is
-    /// refused.
+    /// Keeps the rows whose names contain one of `words`; keeps all if there are no words. A word that matches no row
+    /// is refused.
     pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
         let has = |row: &Row, word: &str| row.name.contains(word);
         if let Some(word) = words.iter().map(AsRef::as_ref).find(|word| !self.rows.iter().any(|row| has(row, word))) {
@@ -43,7 +43,7 @@ impl Suite {
         Ok(self)
     }
 
-    /// The rows, in the order of tables.
+    /// Returns the rows of the suite, in the order of tables.
     pub fn rows(&self) -> &[&'static Row] {
         &self.rows
     }

@@ -9,25 +9,25 @@ use serde::{Deserialize, Serialize};
 /// Measures the figure of a row; an error means that the scene could not be made or stepped.
 type Measure = fn(&Trial) -> Result<f64>;
 
-/// A scene and the figure measured in it.
+/// A row of the suite: a scene, the figure measured in it, and the figure's limit.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Name.
+    /// Name of the row.
     pub name: &'static str,
-    /// Meaning of the figure.
+    /// What the figure measures, in a few words.
     pub figure: &'static str,
-    /// Unit of the figure, or the quantity it is relative to; empty for a pure number.
+    /// Unit of the figure, or the quantity by which the figure is divided; empty for a pure number.
     pub unit: &'static str,
     /// Source of the limit: an equation, or published tests.
     pub source: &'static str,
-    /// Reason for the row, in one sentence.
+    /// Why the row is in the suite, in one sentence.
     pub why: &'static str,
-    /// Largest figure that passes; up to ten times as much is degraded.
+    /// Largest figure that passes; a figure up to ten times as large is degraded.
     pub limit: f64,
     measure: Measure,
 }
 
-/// A row, by name, figure, unit, limit, the limit's source, its reason and how it is measured.
+/// Makes a row. `source` is the limit's, `why` the row's reason; `measure` computes the figure.
 pub(super) const fn row(
     name: &'static str,
     figure: &'static str,
@@ -41,14 +41,14 @@ pub(super) const fn row(
 }
 
 impl Row {
-    /// The row's line of results, with a cell per method.
+    /// Puts the row and its cells, one for each method, into a line of results.
     pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
         let [row, figure, unit, source, why] =
             [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
         Line { row, figure, unit, source, why, limit: self.limit, cells }
     }
 
-    /// Runs the row with a method.
+    /// Measures the row's figure under a method, and judges it by the limit.
     pub fn cell(&self, method: &Method) -> Cell {
         let trial = Trial::new(method);
         match (self.measure)(&trial) {
@@ -59,8 +59,8 @@ impl Row {
         }
     }
 
-    /// Whether a correct solver must pass. Three rows use gains beyond the stability limit of any step, to show the
-    /// failure.
+    /// Whether a correct solver must pass. Three rows use PD gains beyond the stability limit of any time step, to show
+    /// the failure.
     pub fn must_pass(&self) -> bool {
         !matches!(self.name, "ANYmal kp 200" | "ANYmal kp 2000" | "ANYmal kp 5000")
     }
@@ -74,9 +74,9 @@ pub enum Verdict {
     Pass,
     /// The figure is at most ten times the limit.
     Degraded,
-    /// The figure is larger, or the solver failed.
+    /// The figure is more than ten times the limit, or the solver failed.
     Fail,
-    /// The row does not apply to the method.
+    /// The row does not apply to the method, so nothing was measured.
     Unasked,
 }
 
@@ -86,23 +86,24 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// A measured cell.
+/// Result of one row under one method.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// The figure; if the solver failed, of the motion before. `None` where nothing was measured.
+    /// The measured figure; if the solver failed, that of the motion before the failure. `None` where nothing was
+    /// measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figure: Option<f64>,
     /// The solver's error, if it failed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lost: Option<String>,
-    /// Verdict of the figure against the limit.
+    /// Verdict on the figure, compared with the row's limit.
     pub verdict: Verdict,
 }
 
 impl Cell {
-    /// Compares a figure with a limit; `lost` is the solver's error, if it failed.
+    /// Compares a measured figure with a limit; `lost` is the solver's error, if it failed.
     fn new(measured: Result<f64>, lost: Option<String>, limit: f64) -> Self {
-        // Stands for infinity: beyond all limits, but finite.
+        // Replaces infinity, which files cannot store: beyond all limits, but finite.
         const HUGE: f64 = 1e300;
         let lost = match &measured {
             Err(error) => Some(error.to_string()),
@@ -127,27 +128,27 @@ impl fmt::Display for Cell {
     }
 }
 
-/// A row with its cells, as in tables and files.
+/// A row with its results, as stored in files and shown in tables.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
     /// Name of the row.
     pub row: String,
-    /// Meaning of the figure.
+    /// What the figure measures, in a few words.
     pub figure: String,
-    /// Unit of the figure, or the quantity it is relative to; empty for a pure number.
+    /// Unit of the figure, or the quantity by which the figure is divided; empty for a pure number.
     pub unit: String,
     /// Source of the limit.
     pub source: String,
-    /// Reason for the row.
+    /// Why the row is in the suite.
     pub why: String,
     /// Largest figure that passes.
     pub limit: f64,
-    /// Cells, in the order of the methods.
+    /// Results of the row, one for each method, in the order of the methods.
     pub cells: Vec<Cell>,
 }
 
 impl Line {
-    /// The figure with its unit in brackets.
+    /// Writes the meaning of the figure, with its unit in brackets.
     pub fn asked(&self) -> String {
         if self.unit.is_empty() { self.figure.clone() } else { format!("{} ({})", self.figure, self.unit) }
     }

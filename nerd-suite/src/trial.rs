@@ -8,13 +8,13 @@ use nerd_sim::prelude::*;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// No row has this word in its name. Fields: the word, names of all rows.
+    /// No row's name contains a word. Fields: the word, and the names of all rows.
     #[error("no row has `{0}` in its name; choose from {1}")]
     Row(String, String),
     /// The system or scene of a row cannot be made.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The solver failed before anything was measured.
+    /// The solver refused the system or scene before anything was measured.
     #[error(transparent)]
     Step(#[from] StepError),
     /// The row needs the method with four times the substeps, and the method has no such setting.
@@ -26,10 +26,10 @@ pub(super) type Result<T, E = Error> = std::result::Result<T, E>;
 
 type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
 
-/// A named solver with settings.
+/// A solver with settings and a name: a column of the suite's tables.
 #[derive(Clone)]
 pub struct Method {
-    /// Name of the column.
+    /// Name of the method, as the head of its column.
     pub name: String,
     make: Make,
     finer: Option<Make>,
@@ -38,7 +38,7 @@ pub struct Method {
 }
 
 impl Method {
-    /// A method of any solver; `make` builds a new solver for each motion of a system.
+    /// Makes a method of any solver; `make` builds a new solver for each motion of a system.
     pub fn new(
         name: impl Into<String>,
         make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static,
@@ -46,24 +46,25 @@ impl Method {
         Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
     }
 
-    /// Adds the solver with four times the substeps, for self-convergence; without it these rows are skipped.
+    /// Adds the solver with four times the substeps, for self-convergence; without it, rows of self-convergence are
+    /// skipped.
     #[must_use]
     pub fn finer(mut self, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
         self.finer = Some(Arc::new(make));
         self
     }
 
-    /// A new solver for a motion of a system.
+    /// Makes a new solver for a motion of a system.
     pub fn solver(&self, system: &Arc<System>) -> Box<dyn Solver> {
         (self.make)(system)
     }
 
-    /// A new solver with four times the substeps.
+    /// Makes a new solver with four times the method's substeps.
     pub(super) fn finer_solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>> {
         self.finer.as_ref().map(|make| make(system)).ok_or(Error::NoFiner)
     }
 
-    /// The method with a wrapper around its solver.
+    /// Wraps each solver of the method, for example to round its states.
     #[must_use]
     pub fn around(self, wrap: impl Fn(Box<dyn Solver>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
         let wrap = Arc::new(wrap);
@@ -90,10 +91,10 @@ impl Method {
     }
 }
 
-/// A method under test.
+/// A method under test, which rolls out the systems of a row.
 pub struct Trial<'a> {
     pub method: &'a Method,
-    /// The solver's error, if it failed; the motion then stays at the last state.
+    /// The solver's error, if it failed. The motion then keeps its last state for all further frames.
     pub lost: RefCell<Option<String>>,
 }
 
@@ -102,7 +103,7 @@ pub struct Motion {
     pub system: Arc<System>,
     scene: Arc<Scene>,
     pub states: Vec<Vec<f64>>,
-    /// Work (J) of the motors up to each state: a torque held constant over a frame does the work `tau dq`.
+    /// Work (J) of the motors up to each state. A torque held constant over a frame does the work `tau dq`.
     pub work: Vec<f64>,
 }
 
@@ -125,7 +126,7 @@ impl Motion {
     }
 
     /// The figure of a motion that must stay above the ground. Infinity (a failure) if a contact point was ever deeper
-    /// than 0.3 m, which means that it fell through. A correct motion in these rows penetrates at most 0.13 m (the tip
+    /// than 0.3 m: the robot fell through the ground. A correct motion in these rows penetrates at most 0.13 m (the tip
     /// of a pendulum on impact).
     pub fn above(&self, figure: f64) -> f64 {
         let robot = &self.system.robot;
@@ -138,7 +139,7 @@ impl Motion {
         if fell { f64::INFINITY } else { figure }
     }
 
-    /// The last state.
+    /// Returns the last state of the motion.
     pub fn last(&self) -> &[f64] {
         &self.states[self.states.len() - 1]
     }
@@ -156,7 +157,7 @@ pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
 /// Sets the torques of a frame from the state: `(state, torques)`.
 pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 
-/// No torques.
+/// Leaves all torques at 0: a `Drive` of passive motion.
 pub(super) fn limp(_: &[f64], _: &mut [f64]) {}
 
 impl<'a> Trial<'a> {
@@ -164,7 +165,7 @@ impl<'a> Trial<'a> {
         Self { method, lost: RefCell::new(None) }
     }
 
-    /// A built-in robot, equal for all methods except for materials and substeps.
+    /// Loads a built-in robot. Only its materials, scenes and substeps may depend on the method.
     pub fn robot(&self, name: &str) -> Result<Arc<System>> {
         let system = System::named(name)?;
         let Some(kin) = self.method.kin else { return Ok(system) };
@@ -182,7 +183,7 @@ impl<'a> Trial<'a> {
         self.driven(system, scene, start, frames, &mut limp)
     }
 
-    /// Rolls out under torques set by `drive(state, torques)`.
+    /// Rolls out `frames` frames under torques (N m or N) set by `drive(state, torques)`.
     pub fn driven(
         &self,
         system: &Arc<System>,
@@ -194,7 +195,8 @@ impl<'a> Trial<'a> {
         self.under(&mut *self.method.solver(system), system, scene, start, frames, drive)
     }
 
-    /// Rolls out by a solver of the method's, from a start. Stores an error of the solver in `lost`.
+    /// Rolls out `frames` frames with `solver` from the state `start`, under torques set by `drive`. Stores an error of
+    /// the solver in `lost`.
     pub fn under(
         &self,
         solver: &mut dyn Solver,
@@ -228,7 +230,7 @@ impl<'a> Trial<'a> {
     }
 }
 
-/// Work (J) of torques held constant between two states.
+/// Work (J) of joint torques held constant from state `before` to state `after`.
 fn done(system: &System, torques: &[f64], [before, after]: [&[f64]; 2]) -> f64 {
     let at = system.robot.root_coords();
     let ways = after[at..].iter().zip(&before[at..]).zip(system.robot.joints());

@@ -1,5 +1,5 @@
-//! `cargo xtask check`: format, import cycles, clippy, documentation, outside packages, tests. Stops at the first
-//! failure, and prints the time of each step.
+//! `cargo xtask check`: checks format, import cycles, clippy, documentation, packages outside the workspace, and tests.
+//! Stops at the first failure, and prints the time of each step.
 
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ const STEPS: [(&str, &str); 10] = [
     ("tests", "test --release --workspace"),
 ];
 
-/// Checks one outside package; its name follows.
+/// Arguments that check one package outside the workspace; the package's name is appended.
 const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
 pub fn run() -> Result<()> {

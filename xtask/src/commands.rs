@@ -1,4 +1,4 @@
-//! The verbs in groups, as `cargo xtask` shows them, and the text of `docs/commands.md`, made from the program's help.
+//! Groups the verbs for the help of `cargo xtask`, and writes the text of `docs/commands.md` from that help.
 
 use std::any::TypeId;
 
@@ -15,7 +15,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Project", &["list", "results", "report", "fuzz", "check"]),
 ];
 
-/// What options take, unless their value name is FILE.
+/// Names of option values in the help, with the options that take them. An option whose value name is FILE keeps it.
 const VALUES: [(&str, &[&str]); 5] = [
     ("FOLDER", &["out", "model", "policy", "from", "runs", "keep"]),
     ("PYTHON", &["mujoco"]),
@@ -49,7 +49,7 @@ fn shared(verb: Command) -> Command {
     verb.disable_help_subcommand(true).mut_subcommands(shared)
 }
 
-/// Names an option's value by its kind: a number, a folder, one of its words.
+/// Names an option's value in the help by its kind: a number, a folder, one of its words.
 fn named(arg: Arg) -> Arg {
     let words = arg.get_possible_values().iter().map(|value| value.get_name().to_string()).collect_vec();
     let kind = arg.get_value_parser().type_id();
@@ -75,7 +75,7 @@ pub fn reference(mut program: Command) -> String {
         text += &format!("\n## {title}\n");
         verbs.iter().filter_map(|name| program.find_subcommand(name)).for_each(|verb| chapter(&mut text, verb, "###"));
     }
-    // Default paths depend on the working directory.
+    // Removes the workspace's path from default paths, so that the text is the same on all machines.
     let here = format!("{}/", root().display());
     if here == "/" { text } else { text.replace(&here, "") }
 }
@@ -103,7 +103,7 @@ fn valued(arg: &Arg) -> bool {
     arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
 }
 
-/// An option as typed: `--out <FILE>`.
+/// Writes an option as it is typed: `--out <FILE>`.
 fn option(arg: &Arg) -> String {
     let names = arg.get_value_names().unwrap_or_default().iter().map(|name| format!("<{name}>")).join(" ");
     match arg.get_long() {
@@ -113,7 +113,8 @@ fn option(arg: &Arg) -> String {
     }
 }
 
-/// An option's help with its possible values, and its default, which some helps state themselves.
+/// Returns an option's help with its possible values, and its default. A default at the end of the help is moved out of
+/// the help.
 fn meaning(arg: &Arg) -> (String, String) {
     let help = arg.get_help().map(ToString::to_string).unwrap_or_default().replace('|', "\\|").replace('\n', " ");
     let said = help.strip_suffix(']').and_then(|text| text.rsplit_once(" [default: "));

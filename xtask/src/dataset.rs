@@ -1,7 +1,7 @@
-//! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, for
-//! `train`.
+//! `cargo xtask dataset --robot pendulum --out data/pendulum`: records trajectories of a truth as safetensors shards,
+//! from which `train` learns.
 //!
-//! Shards are written atomically; the same command again keeps existing shards and makes missing ones.
+//! Shards are written atomically; running the same command again keeps existing shards and adds missing ones.
 
 use nerd_train::run::RecordConfig;
 

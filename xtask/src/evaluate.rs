@@ -1,6 +1,6 @@
-//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --trajectories 2048`: passive motion against
-//! the truth, for a model the truth that it learned ([`nerd_lab::experiments::passive`]). Its `Protocol` declares most
-//! options; `nerd_train::evaluate` computes the errors.
+//! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --trajectories 2048`: compares passive motion
+//! with the truth ([`nerd_lab::experiments::passive`]). A model is compared with the truth that it learned.
+//! [`Protocol`] declares most options; `nerd_train::evaluate` computes the errors.
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Recorded};
 use nerd_lab::page::motions;

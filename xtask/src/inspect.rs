@@ -1,4 +1,4 @@
-//! `cargo xtask inspect --robot FILE`: a robot's specification, including derived values.
+//! `cargo xtask inspect --robot FILE`: prints a robot's specification, including derived values.
 
 use nerd_lab::survey::verdict;
 use nerd_sim::system::Source;
@@ -39,7 +39,7 @@ pub fn run(args: InspectArgs) -> Result<()> {
         say!("# [[contact]] is left out here: {points} points of {vertices} vertices");
         shown.spec.contacts.clear();
     }
-    // An empty list would mean that nothing touches.
+    // Leaves out an empty list of contacts, which would mean that nothing touches.
     say!("{}", shown.spec_text().replace("contact = []\n", ""));
     say!("# {} (drives as stiff as its size asks for, whatever kp and kd are)", verdict(&system, 1.0));
     Ok(())

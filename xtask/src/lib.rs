@@ -94,13 +94,13 @@ fn program() -> Command {
 
 fn parse(words: Vec<OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
-    // Help says what was typed: `nerd`, `python -m nerd`, else `cargo xtask`.
+    // Calls the program in its help as it was typed: `nerd`, `python -m nerd`, else `cargo xtask`.
     if let Some(name) =
         words.first().and_then(|word| Path::new(word).file_stem()?.to_str()).filter(|name| name.ends_with("nerd"))
     {
         program = program.bin_name(name.to_string()).name(name.to_string());
     }
-    // Results, checkpoints and pages store file names as text.
+    // Refuses words that are not UTF-8: results, checkpoints and pages store file names as text.
     if let Some(word) = words.iter().skip(1).find(|word| word.to_str().is_none()) {
         let said = format!(
             "`{}` is not UTF-8; rename the file or folder, or make a link to it with such a name",
@@ -154,7 +154,7 @@ pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
     signals::heed();
     Provenance::begin();
     let (words, note) = renamed::replace(words.into_iter().collect());
-    // One line: the note on old names follows a success, or ends the line of an error.
+    // Keeps errors to one line: the note on old names follows a success, or ends the error's line.
     let end = note.as_ref().map_or_else(String::new, |note| format!("; {note}"));
     let refuse = |error: String, code: u8| refusals::end(&(error + &end), code);
     match parse(words) {
@@ -168,7 +168,7 @@ pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
                 nerd_train::stop::asked().map_or(code, signals::code)
             }
         },
-        // Help, on request or without a verb.
+        // Prints help, on request or without a verb.
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
             error.exit()
         }

@@ -1,4 +1,4 @@
-//! `cargo xtask list robots|scenes|tasks|models|rows`: names for the command line.
+//! `cargo xtask list robots|scenes|tasks|models|rows`: lists names that command lines may use.
 
 use nerd_lab::describe::title;
 use nerd_lab::report::{Table, digits};
@@ -71,7 +71,7 @@ fn scenes(robot: Option<&str>) -> Result<Table> {
     Ok(table)
 }
 
-/// The colliders of a scene in words, and the friction coefficient of the first.
+/// Describes the colliders of a scene; also returns the friction coefficient of the first.
 fn ground(scene: &Arc<Scene>) -> (String, String) {
     let Some(first) = scene.colliders.first() else { return ("empty space".into(), String::new()) };
     let words = match (&first.plane, scene.colliders.len()) {
@@ -93,7 +93,7 @@ fn tasks() -> Result<Table> {
             .map(|n| n.to_string());
         table.rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
-    // The sizes of a task for any robot depend on the robot.
+    // Leaves out the sizes of tasks for any robot, which depend on the robot.
     let row = |name| [name, "any (--robot)", "-", "-", "-", "-", "-"].map(String::from).into();
     table.rows.extend(general().into_iter().map(row));
     Ok(table)

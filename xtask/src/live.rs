@@ -1,12 +1,12 @@
-//! `cargo xtask live`: a robot in a browser on this machine, to be watched, pushed and given other solvers while it
-//! moves.
+//! `cargo xtask live`: shows a simulated robot in a browser on this machine. The visitor pushes the robot and swaps its
+//! solver while it moves.
 
 use nerd_lab::live::{Live, Menu, World};
 use nerd_train::spec::SolverSpec;
 
 use crate::prelude::*;
 
-/// Valid ports; 0 is any free one.
+/// Valid TCP ports; 0 stands for any free port.
 const PORTS: std::ops::RangeInclusive<u64> = 0..=65535;
 
 #[derive(clap::Args)]

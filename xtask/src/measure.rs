@@ -1,4 +1,4 @@
-//! Experiments of nerd-lab as verbs, with their settings as options; `cargo xtask measure` has two.
+//! Makes verbs of nerd-lab's experiments, with the settings as options; `cargo xtask measure` has two of them.
 
 use nerd_lab::experiments::{Experiment, family::Family, motions::Motions};
 use nerd_train::settings::Settings;
@@ -16,7 +16,7 @@ pub struct Conduct<T: Settings> {
 }
 
 impl<T: Settings + Experiment> Conduct<T> {
-    /// Measures into the folder and prints the tables.
+    /// Measures, writes the result into the folder of --out, and prints the tables.
     pub fn run(self) -> Result<()> {
         conduct(&self.keys.settings()?, &self.out.unwrap_or_else(results)).map(drop)
     }

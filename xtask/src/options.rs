@@ -49,14 +49,14 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
     keys.into_iter().map(option).collect()
 }
 
-/// Values of the keys that the command line sets.
+/// Returns the values of those settings that the command line gives, by name.
 pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     let one = |key: &Key| {
         let name = key.name();
         let all = matches
             .get_many::<Value>(&name)
             .filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
-        // A repeated list option appends.
+        // Appends the values of an option that is repeated and takes a list.
         let join = |mut first: Value, next: Value| match (&mut first, next) {
             (Value::Array(first), Value::Array(mut next)) => {
                 first.append(&mut next);

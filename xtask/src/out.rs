@@ -1,5 +1,5 @@
-//! Standard output. If closed (`| head`) or full, the command still writes its files. With `--json` it holds the tables
-//! alone, as one object from names to rows.
+//! Standard output. If it is closed (`| head`) or full, the command still writes its files. With `--json`, only tables
+//! are printed, as one JSON object from names to rows.
 
 use std::io::{ErrorKind, Write, stdout};
 use std::sync::{Mutex, OnceLock, PoisonError};
@@ -14,12 +14,12 @@ use nerd_train::replay::Replay;
 static LOST: OnceLock<String> = OnceLock::new();
 static TABLES: OnceLock<Mutex<serde_json::Map<String, serde_json::Value>>> = OnceLock::new();
 
-/// From now on tables are kept for [`finish`], and other lines go to standard error.
+/// Switches to JSON: tables are then kept for [`finish`], and other lines go to standard error.
 pub fn json() {
     TABLES.get_or_init(Mutex::default);
 }
 
-/// Prints a line.
+/// Prints a line to standard output; with `--json`, to standard error.
 pub fn line(text: Arguments) {
     match TABLES.get() {
         Some(_) => tell!("{text}"),
@@ -52,7 +52,7 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     Ok(artifact)
 }
 
-/// Text that identifies pages of this program.
+/// Text that identifies HTML pages of this program.
 const MARK: &str = "<meta name=\"generator\" content=\"NeRD in Rust\">";
 
 /// Refuses, before any work, to replace a file that is not a page of this program.
@@ -66,7 +66,7 @@ pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
     Ok(())
 }
 
-/// Prints the kept tables. An error if output was lost, except to a closed pipe.
+/// Prints the tables that are kept for JSON. Fails if output was lost, except to a closed pipe.
 pub fn finish() -> Result<()> {
     if let Some(tables) = TABLES.get() {
         write(format_args!(
@@ -81,7 +81,7 @@ pub fn finish() -> Result<()> {
 }
 
 fn write(text: Arguments) {
-    // A closed pipe means that the reader has enough.
+    // Ignores a closed pipe, whose reader has read enough.
     if let Err(error) = writeln!(stdout().lock(), "{text}").and_then(|()| stdout().flush())
         && error.kind() != ErrorKind::BrokenPipe
     {

@@ -1,14 +1,14 @@
-//! Error output: one line; exit code 2 for a command line that cannot be read, 1 for any other failure.
+//! Prints errors in one line. The exit code is 2 for a command line that cannot be read, 1 for any other failure.
 
 use itertools::Itertools;
 
-/// Prints the error; returns the exit code.
+/// Prints an error in one line, and returns the exit code `code`.
 pub fn end(words: &str, code: u8) -> u8 {
     tell!("error: {words}");
     code
 }
 
-/// clap's message without its usage.
+/// Returns clap's message without the usage that follows it.
 pub fn usage(error: &clap::Error) -> String {
     let text = error.to_string();
     let mut words = text
@@ -18,8 +18,8 @@ pub fn usage(error: &clap::Error) -> String {
     words.join(" ").trim_start_matches("error: ").into()
 }
 
-/// An error with its causes, unless it already names them. The middle of a long text, such as a quoted file, is
-/// omitted.
+/// Returns an error's text with those of its causes that the text does not contain already. The middle of a long text,
+/// such as a quoted file, is omitted.
 pub fn failure(error: &anyhow::Error) -> String {
     const MOST: usize = 2000;
     let words = error

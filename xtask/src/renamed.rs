@@ -1,4 +1,4 @@
-//! Old names of verbs and options, which `renamed.txt` lists: replaced before the command line is parsed.
+//! Replaces old names of verbs and options, which `renamed.txt` lists, before the command line is parsed.
 
 use std::ffi::OsString;
 
@@ -11,7 +11,8 @@ fn rows() -> impl Iterator<Item = [&'static str; 3]> {
     TABLE.lines().filter(|line| !line.starts_with('#')).filter_map(|line| line.split(' ').collect_vec().try_into().ok())
 }
 
-/// Replaces old names in a command line. Returns one line that names what was replaced, if anything was.
+/// Replaces old names in a command line. Returns the new line, and a note that names the replaced words, if there are
+/// any.
 pub fn replace(words: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
     let mut line = words;
     let mut told = Vec::new();
@@ -27,7 +28,7 @@ pub fn replace(words: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
     }
     let mut at = 1;
     while at < line.len() && line[at] != "--" {
-        // A new name is no old one, so the line may be read anew.
+        // Reads the line anew after a replacement, which ends because no new name is an old one.
         at = option(&mut line, at, &verb).map_or(at + 1, |said| {
             told.push(said);
             1
@@ -38,12 +39,12 @@ pub fn replace(words: Vec<OsString>) -> (Vec<OsString>, Option<String>) {
     (line, note)
 }
 
-/// Places of the verb and of its part.
+/// Indices of the verb and of its subcommand in the command line.
 fn verbs(line: &[OsString]) -> Vec<usize> {
     (1..line.len()).filter(|at| !line[*at].as_encoded_bytes().starts_with(b"-")).take(2).collect()
 }
 
-/// Replaces an old option at a place; says by what.
+/// Replaces an old option at index `at`; returns a text that names the old and the new one.
 fn option(line: &mut Vec<OsString>, at: usize, verb: &str) -> Option<String> {
     let word = line[at].to_str().filter(|word| word.starts_with("--"))?.to_string();
     let (name, value) = word.split_once('=').map_or((word.as_str(), None), |(name, value)| (name, Some(value)));
@@ -57,7 +58,7 @@ fn option(line: &mut Vec<OsString>, at: usize, verb: &str) -> Option<String> {
     if old.contains('=') {
         line[at] = new.into();
         line.drain(at + 1..at + 1 + usize::from(value.is_none()));
-        // The engine, named beside its old settings, is in the new text.
+        // Removes `--solver articulated`, which the new option includes.
         let engine = line
             .windows(2)
             .position(|pair| new.starts_with("--solver=") && pair[0] == "--solver" && pair[1] == "articulated");

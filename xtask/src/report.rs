@@ -1,4 +1,4 @@
-//! `cargo xtask report`: all results as one HTML file.
+//! `cargo xtask report`: writes all results as one HTML file.
 
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;

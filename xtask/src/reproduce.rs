@@ -1,8 +1,8 @@
-//! `cargo xtask reproduce`: the main result. Rolls the shipped models out against their truths: Cartpole for 1000
-//! frames, the double pendulum for 100 frames on its seven grounds. Prints the table beside the paper's and draws speed
-//! against accuracy. Takes minutes on two cores.
+//! `cargo xtask reproduce`: the main result. Compares rollouts of the shipped models with their truths. Cartpole runs
+//! for 1000 frames, the double pendulum for 100 frames on its seven grounds. Prints the table beside the paper's and
+//! draws speed against accuracy. Takes minutes on two cores.
 //!
-//! Results go to `out/reproduce`; `--out results` replaces the committed ones.
+//! Results go to `out/reproduce`; `--out results` replaces the committed results.
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
 use nerd_lab::{experiments::chart::Chart, report::Artifact};
@@ -11,10 +11,10 @@ use nerd_train::shipped;
 use crate::options::{DEVICES, SEEDS, STARTS};
 use crate::{out::conduct, prelude::*};
 
-/// Charts to draw: robot and scene.
+/// Charts to draw, as (robot, scene).
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
 
-/// Default folder of results.
+/// Folder of the results without --out.
 const OWN: &str = "out/reproduce";
 
 #[derive(clap::Args)]

@@ -79,7 +79,8 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
     Ok(())
 }
 
-/// Updates the documents if `write_them`. Returns the discrepancies, by document.
+/// Fills the results' figures into the documents, and writes them if `write_them`. Returns what does not agree, by
+/// document.
 fn fill(reference: &str, write_them: bool) -> Result<Vec<String>> {
     let mut marks = Marks::new(&results());
     let mut wrong = Vec::new();
@@ -114,7 +115,7 @@ fn make(manifest: &Manifest, names: &[String]) -> Result<()> {
     let mut commands: Vec<&str> = Vec::new();
     for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
         let asked = names.contains(&entry.name) || (!entry.record && entry.status(&results()) != Status::Current);
-        // One command may make several results.
+        // Runs each command once, since one command may make several results.
         if asked && !commands.contains(&entry.command.as_str()) {
             commands.push(&entry.command);
         }

@@ -11,7 +11,7 @@ use nerd_train::progress::bar;
 use crate::solvers::SolverArgs;
 use crate::{options::FRAMES, prelude::*};
 
-/// Help text on the files.
+/// Help text that describes the files of --states and --out.
 const TABLES: &str = "\
 FILE of --states has a header and one row per trajectory and step, with these columns:
   traj, step   whole numbers; the row of step 0 is the start of the trajectory
@@ -60,7 +60,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let file = States::read(&args.states, &system)?;
     let steps = steps(&args, &file)?;
     let n = file.trajectories.len();
-    // The table is kept in memory until written: some 20 characters a number.
+    // Counts the memory of the table, which is kept until written: some 20 characters a number.
     memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
     memory(&[("trajectories", n)], bytes)?;
     time(&[("trajectories", n), ("--frames", steps), ("substeps", spec.substeps(&system))])?;
@@ -71,11 +71,11 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     nerd_lab::report::write(&args.out, &table)
 }
 
-/// Most frames over all trajectories that a file may request by its last step number alone, which may be a typing
-/// error.
+/// Most frames, summed over trajectories, that a file's last step number may request without --frames. A larger number
+/// may be a typing error.
 const ASKED: usize = 100_000;
 
-/// Frames to roll out; if the file has torques, it must have them for every frame.
+/// Returns the number of frames to roll out. A file with torques must have them for every frame.
 fn steps(args: &RolloutArgs, file: &States) -> Result<usize> {
     let name = args.states.display();
     let steps = args.frames.unwrap_or_else(|| file.frames());

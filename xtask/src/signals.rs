@@ -1,4 +1,5 @@
-//! SIGINT and SIGTERM: a run with checkpoints ends with one. Anything else, and any second signal, ends at once.
+//! Handles SIGINT and SIGTERM. A run with checkpoints ends with a checkpoint; any other command ends at once. A second
+//! signal ends any command at once.
 
 use nerd_train::stop;
 
@@ -12,7 +13,7 @@ pub fn heed() {
 #[cfg(unix)]
 fn listen() {
     use signal_hook::consts::{SIGINT, SIGTERM};
-    // Without a thread the default handlers stay.
+    // Leaves the default handlers in place if no thread can be started.
     let _ = std::thread::Builder::new().spawn(|| {
         let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) else { return };
         for signal in signals.forever() {
@@ -29,14 +30,14 @@ fn listen() {
 #[cfg(not(unix))]
 pub fn heed() {}
 
-/// The exit code of a successful command, or of one stopped by a signal.
+/// Returns the exit code of a command that ended well: 0, or the signal's code if a signal stopped it.
 pub fn ended() -> u8 {
     let Some(signal) = stop::asked() else { return 0 };
     tell!("{}: stopped with a checkpoint; the same command goes on from it", name(signal));
     code(signal)
 }
 
-/// The exit code of a process ended by a signal.
+/// Returns the exit code of a process that a signal ended.
 pub fn code(signal: i32) -> u8 {
     128 + signal as u8
 }

@@ -29,12 +29,12 @@ pub struct SolverArgs {
     pub device: Option<Device>,
 }
 
-/// For options.
+/// Parses the value of --solver; the error is text.
 pub fn spec(text: &str) -> Result<SolverSpec, String> {
     text.parse().map_err(|e: nerd_train::Error| e.to_string())
 }
 
-/// Takes the folder of --model, unless the text names one.
+/// Sets the model's folder to that of --model; refuses a second folder in --solver.
 pub fn choose_folder(own: &mut NeuralSpec, model: &Option<PathBuf>) -> Result<()> {
     if own.folder.is_some() && model.is_some() {
         bail!("--model: --solver names a folder, too; leave one out");
@@ -43,7 +43,7 @@ pub fn choose_folder(own: &mut NeuralSpec, model: &Option<PathBuf>) -> Result<()
     Ok(())
 }
 
-/// The device of --device, or of the text.
+/// Returns the device of --device, or else that of --solver; refuses two that differ.
 pub fn device_of(asked: Option<Device>, own: Device) -> Result<Device> {
     match asked {
         Some(asked) if own != Device::Cpu && own != asked => {
@@ -59,7 +59,7 @@ impl SolverArgs {
         matches!(self.solver, Some(SolverSpec::Neural(_)))
     }
 
-    /// The solver that the options name; refuses one that means nothing beside the others.
+    /// Returns the solver that the options name; refuses options that have no effect on it.
     pub fn choose(&self, system: &System) -> Result<SolverSpec> {
         let model = ("--model", self.model.is_some());
         let device = ("--device", self.device.is_some());
@@ -103,13 +103,13 @@ impl SolverArgs {
         }
         let spec = spec.found(system)?;
         if let (Some(truth), Some(folder)) = (self.truth, spec.folder()) {
-            // Refuses a model of another one.
+            // Refuses a model that learned another truth.
             nerd_model::folder::Model::load(folder, &Arc::new(system.clone()), Some(&truth.name()))?;
         }
         Ok(spec)
     }
 
-    /// The number of --substeps, unless the text names another.
+    /// Returns --substeps; refuses it if --solver names another number.
     fn steps(&self, named: Option<usize>) -> Result<Option<usize>> {
         match (self.substeps, named) {
             (Some(asked), Some(own)) if asked != own => {

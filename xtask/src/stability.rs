@@ -1,4 +1,4 @@
-//! `cargo xtask stability`: where each method passes, degrades and fails. Failures are the point.
+//! `cargo xtask stability`: shows where each method passes, degrades and fails. Some methods are expected to fail.
 
 use nerd_lab::experiments::stability::Stability;
 

@@ -1,4 +1,4 @@
-//! `cargo xtask train`: a training run, or a recipe of several.
+//! `cargo xtask train`: trains a model in one run, or in the several runs of a recipe.
 
 use nerd_train::run::{Recipe, RunConfig};
 

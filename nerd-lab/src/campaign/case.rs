@@ -1,5 +1,5 @@
-//! Fuzz cases: valid files of one kind are mutated, then read as a user's files are. Equal seed and number give equal
-//! files.
+//! Fuzz cases: mutates valid files of one kind, then reads them as a user's files are read. The same seed and case
+//! number give the same files.
 
 use nerd_sim::{log::Log, rollout::States};
 use nerd_tasks::FileTask;
@@ -49,7 +49,7 @@ const CSV: &str =
     "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0.1,0.2,0,0,1,0\n0,1,,,,,0.5,0\n1,0,-1,0.5,0,1,0,0\n1,1,,,,,0,0\n";
 const NPZ: &[u8] = include_bytes!("seeds/log.npz");
 
-/// Result of a case.
+/// Outcome of a fuzz case: refused with a message, accepted, or a fault with its description.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Outcome {
     Refused,
@@ -62,7 +62,7 @@ impl Kind {
         format!("{self:?}").to_lowercase()
     }
 
-    /// Files of a case by name; the first file is the entry point.
+    /// Makes the files of case `number`, as (name, bytes). `judge` opens the first file, or the folder of all.
     pub fn make(self, seed: u64, number: u64) -> Result<Vec<(String, Vec<u8>)>> {
         let dice = &mut stream(seed.wrapping_mul(31).wrapping_add(self as u64), number);
         let toml = |dice: &mut Dice, text: &str| edited(dice, Dictionary::toml(), text);
@@ -118,9 +118,10 @@ impl Kind {
         })
     }
 
-    /// Reads a case's files in `folder`; robots are also stepped.
+    /// Writes a case's files below `folder` and reads them; robots are also stepped. With `card`, the kind `Energy` is
+    /// stepped on a GPU.
     pub fn judge(self, folder: &Path, files: &[(String, Vec<u8>)], card: bool) -> Outcome {
-        // A folder for each kind: files left by another kind could change the reading.
+        // Gives each kind its own folder: files left by another kind could change what is read.
         let folder = &folder.join(self.name());
         let made = std::fs::create_dir_all(folder).err();
         if let Some(e) =
@@ -162,14 +163,14 @@ impl Kind {
     }
 }
 
-/// A text with random edits from a dictionary.
+/// Returns `text` with random edits; new words come from the dictionary `words`.
 fn edited(dice: &mut Dice, words: Dictionary, text: &str) -> Vec<u8> {
     let mut text = text.as_bytes().to_vec();
     words.change(dice, &mut text);
     text
 }
 
-/// One of `texts` (XML), mutated one to three times.
+/// Picks one of the XML `texts` and mutates its elements one to three times.
 fn changed(dice: &mut Dice, texts: &[&str]) -> Result<Vec<u8>> {
     let trees = texts.iter().map(|text| Element::read(text)).collect::<Result<Vec<_>>>()?;
     let others = trees.iter().flat_map(Element::all).cloned().collect_vec();
@@ -180,7 +181,7 @@ fn changed(dice: &mut Dice, texts: &[&str]) -> Result<Vec<u8>> {
     Ok(text.into())
 }
 
-/// Steps a robot two frames from its default pose.
+/// Steps a robot two frames from its default state without torques. Panics if a state is not finite.
 fn moved(system: Arc<System>) -> Result<()> {
     let scene = system.scene(system.usual_scenes()[0])?;
     let mut batch = Batch::new(&system, &scene, 1);

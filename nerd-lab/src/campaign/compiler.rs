@@ -1,11 +1,11 @@
-//! Checks mutated MJCFs with MuJoCo's compiler: a file that MuJoCo refuses must not be accepted.
+//! Checks mutated MJCFs with MuJoCo's compiler: a file that MuJoCo refuses must be refused here too.
 
 use std::process::{Command, Stdio};
 
 use super::Kind;
 use crate::prelude::*;
 
-/// Most files compiled by one Python process.
+/// Most MJCF files that one Python process compiles.
 const TOGETHER: usize = 500;
 const ASK: &str = "
 import sys, mujoco
@@ -18,7 +18,7 @@ for k, name in enumerate(sys.stdin.read().split()):
         print(k, 'no', str(e).replace(chr(10), ' '), flush=True)
 ";
 
-/// Numbers of the cases that MuJoCo refuses, each with the reason.
+/// Returns those of the case `numbers` whose MJCF MuJoCo refuses, each with MuJoCo's reason.
 pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, String)>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -47,7 +47,7 @@ pub fn refused(python: &Path, seed: u64, numbers: &[u64]) -> Result<Vec<(u64, St
         if answers.is_empty() && !asked.status.success() && at == 0 {
             bail!("--mujoco {}: this Python has no MuJoCo", python.display());
         }
-        // Skips a file that crashed the process.
+        // Skips the file on which the Python process crashed.
         at += if answers.len() < some.len() { answers.len() + 1 } else { some.len() };
         bar.set(at as u64);
     }

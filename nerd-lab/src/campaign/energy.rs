@@ -1,6 +1,6 @@
-//! Energy conservation on random robots, grounds and starts: no robot may gain energy. Bodies are tossed and spin,
-//! chains hit themselves, legs fall; with one, four and eight substeps, limp or under torques. A case is a robot on
-//! `GROUNDS` grounds.
+//! Fuzzes energy conservation: no robot may gain more energy than its torques put in. A case drops one random robot on
+//! `GROUNDS` random grounds, passive or under random torques. Each rollout is repeated with 1, 4 and 8 substeps a
+//! frame.
 
 use nerd_core::dynamics::totals;
 use nerd_core::state::wrap;
@@ -11,19 +11,23 @@ use rand::RngExt;
 use super::text::Dice;
 use crate::prelude::*;
 
-/// Largest gain, as a share of the initial energy plus the absolute work done; on the ground and in free flight.
+/// Largest permitted energy gain, divided by the initial energy plus the absolute work of the torques.
 const MOST: f64 = 1e-3;
+/// Like `MOST`, for free flight without self-collision.
 const MOST_IN_FLIGHT: f64 = 1e-4;
-/// Grounds of a case, and starts on each, on the CPU and on a GPU. There each case compiles kernels, which takes most of
-/// its time.
+/// Number of grounds of a case.
 const GROUNDS: usize = 16;
+/// Number of starts on each ground, on the CPU.
 const STARTS: usize = 1;
+/// Number of starts on each ground, on a GPU. More cost little there: most of a case's time goes into compiling
+/// kernels.
 const STARTS_ON_CARD: usize = 4;
-/// Simulated time of a case (s), and the frames for which torques are held.
+/// Simulated time of a case (s).
 const TIME: f64 = 2.0;
+/// Number of frames for which drawn torques are held.
 const HOLD: usize = 10;
 
-/// Starts of a case, stored as `start.toml`: a toss for each ground.
+/// Random starts of a case, stored as `start.toml`: one `Toss` for each ground.
 #[derive(Serialize, Deserialize, Clone, Debug)]
 struct Start {
     seed: u64,
@@ -32,12 +36,15 @@ struct Start {
 
 #[derive(Serialize, Deserialize, Clone, Debug)]
 struct Toss {
-    /// Root height (m), angular speed (rad/s) and speed (m/s); largest joint rate (rad/s or m/s).
+    /// Root height (m).
     height: f64,
+    /// Root angular speed (rad/s).
     spin: f64,
+    /// Root linear speed (m/s).
     speed: f64,
+    /// Largest joint velocity (rad/s or m/s).
     rate: f64,
-    /// Torques as a share of the robot's largest.
+    /// Largest drawn torque, as a fraction of each joint's torque amplitude.
     torque: f64,
 }
 
@@ -49,7 +56,7 @@ pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
     let urdf = robot(dice, links + 1);
     let upto = |dice: &mut Dice, most: f64| most * dice.random_range(0.0..1.0f64).powi(2);
     let toss = (0..GROUNDS).map(|_| Toss {
-        // A chain hangs below its first link: starting inside the ground would add energy.
+        // Raises the root by the length of the chain below it: penetration at the start would add energy.
         height: 0.8 + 0.3 * links as f64 + upto(dice, 1.2),
         spin: upto(dice, if flight { 200.0 } else { 60.0 }),
         speed: upto(dice, 4.0),
@@ -61,7 +68,7 @@ pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
     Ok(files.map(|(name, text)| (name.to_string(), text.into_bytes())).into())
 }
 
-/// A URDF of `count` links with random shapes, in a chain or all on the first link.
+/// Draws a URDF of `count` links with random shapes: a serial chain, or all other links jointed to the first.
 fn robot(dice: &mut Dice, count: usize) -> String {
     let star = dice.random_bool(0.4);
     let mut mass = dice.random_range(0.1..3.0f64);
@@ -101,7 +108,7 @@ fn robot(dice: &mut Dice, count: usize) -> String {
     format!("<robot name=\"drawn\">{text}</robot>")
 }
 
-/// A random shape, and its principal moments of inertia (kg m^2) at this mass.
+/// Draws a URDF shape, and returns its principal moments of inertia (kg m^2) for `mass` (kg).
 fn shape(dice: &mut Dice, mass: f64) -> (String, [f64; 3]) {
     let mut size = |least: f64, most: f64| dice.random_range(least..most);
     let [a, b, c] = [size(0.02, 0.2), size(0.02, 0.2), size(0.02, 0.3)];
@@ -121,7 +128,7 @@ fn shape(dice: &mut Dice, mass: f64) -> (String, [f64; 3]) {
     }
 }
 
-/// The TOML of a free robot above random grounds, or without gravity.
+/// Draws the TOML of a floating robot: without gravity if `flight`, else with `GROUNDS` random grounds.
 fn specification(dice: &mut Dice, flight: bool) -> String {
     let mut text = String::from("like = \"urdf\"\nfloating = true\n");
     if dice.random_bool(0.3) {
@@ -146,7 +153,7 @@ fn specification(dice: &mut Dice, flight: bool) -> String {
     text
 }
 
-/// The k-th random ground: a plane, level or leaning, uneven terrain, or a box and a peg.
+/// Draws the TOML of the k-th ground: a level or inclined plane, uneven terrain, or a box and a peg.
 fn ground(dice: &mut Dice, k: usize) -> String {
     let lean = if dice.random_bool(0.3) { dice.random_range(-0.4..0.4) } else { 0.0 };
     let grounds = [
@@ -162,7 +169,7 @@ fn ground(dice: &mut Dice, k: usize) -> String {
     format!("[[scene]]\nname = \"ground{k}\"\nplane = {{ height = 0.0, angles = [0.0, {lean}, 0.0] }}\n{ground}")
 }
 
-/// Steps a case. `Err` if its files are refused, `Some` message if the energy gain is too large.
+/// Steps a case. Returns `Err` if its files are refused, and a message if the energy gain exceeds its limit.
 pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<String>> {
     let text = |name: &str| -> Result<&str> {
         let (_, bytes) = files.iter().find(|(own, _)| own == name).with_context(|| format!("no {name}"))?;
@@ -181,7 +188,7 @@ pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<St
         let config = ArticulatedConfig::implicit(substeps, Friction::Coulomb);
         let starts = if card { STARTS_ON_CARD } else { STARTS };
         let Gain { share, ground, frame } = gain(&system, &scenes, &start, starts, &mut *solver(config, card)?)?;
-        // NaN counts as a gain.
+        // Treats a NaN as an energy gain above the limit.
         if share > most || share.is_nan() {
             return Ok(Some(format!(
                 "gains {share:.1e} of its energy at x{substeps} on ground {ground}, by frame {frame}"
@@ -191,7 +198,7 @@ pub(super) fn judge(files: &[(String, Vec<u8>)], card: bool) -> Result<Option<St
     Ok(None)
 }
 
-/// The solver; on a GPU in f32.
+/// Makes the solver: in f32 on a GPU if `card`, else on the CPU.
 fn solver(config: ArticulatedConfig, card: bool) -> Result<Box<dyn Solver>> {
     built_for(card)?;
     #[cfg(feature = "cuda")]
@@ -201,14 +208,15 @@ fn solver(config: ArticulatedConfig, card: bool) -> Result<Box<dyn Solver>> {
     Ok(Box::new(Articulated::new(config)))
 }
 
-/// The largest gain of energy, relative to the initial energy plus the absolute work.
+/// The largest energy gain, with its ground and frame. `share` is the gain divided by the initial energy plus the
+/// absolute work.
 struct Gain {
     share: f64,
     ground: usize,
     frame: usize,
 }
 
-/// Largest gain over all grounds and `starts` on each.
+/// Rolls out `starts` environments on each ground, and returns the largest energy gain of all.
 fn gain(
     system: &Arc<System>,
     scenes: &[Arc<Scene>],
@@ -261,7 +269,7 @@ fn gain(
             for (k, joint) in system.robot.joints().enumerate() {
                 let mut way = now[7 + k] - then[7 + k];
                 if joint.wraps() {
-                    // Above half a turn a frame, the joint rate decides the number of turns.
+                    // Unwraps the angle: beyond half a turn in a frame, the joint velocity tells the number of turns.
                     let told = 0.5 * system.frame_time * (now[nq + 6 + k] + then[nq + 6 + k]);
                     way = told + wrap(way - told);
                 }

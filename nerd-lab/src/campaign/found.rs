@@ -1,9 +1,9 @@
-//! Results of a campaign: counts, and faults grouped by message.
+//! Results of a fuzz campaign: counts of outcomes, and faults grouped by message.
 
 use super::Kind;
 use crate::prelude::*;
 
-/// Counts by kind (refused, accepted, faults), and the faults: kind, case number, message.
+/// Counts `[refused, accepted, faults]` of each kind, and the faults as (kind, case number, message).
 #[derive(Default)]
 pub struct Found {
     pub counts: BTreeMap<Kind, [u64; 3]>,
@@ -11,8 +11,8 @@ pub struct Found {
 }
 
 impl Found {
-    /// One line for each group of faults, the largest group first: its size, one example, and the options that repeat
-    /// it.
+    /// Describes each group of faults in one line, the largest group first. A line has the group's size, its first
+    /// fault, and the options that repeat that case.
     pub fn lines(&self, seed: u64) -> Vec<String> {
         let mut sorts = BTreeMap::<(Kind, String), Vec<&(Kind, u64, String)>>::new();
         for fault in &self.faults {
@@ -37,7 +37,7 @@ impl Found {
     }
 }
 
-/// A fault's message without names and numbers, as the key of its group.
+/// Returns a fault's message without quoted names and numbers: the key by which faults are grouped.
 fn sort(what: &str) -> String {
     let words = what.split(['\'', '`']).step_by(2).join("_");
     words.split(|c: char| c.is_ascii_digit() || ".-".contains(c)).filter(|part| !part.is_empty()).join("#")

@@ -1,6 +1,6 @@
-//! Fuzzing in this process: files of every kind are mutated at random and read, and robots are stepped. Each case must
-//! be refused with a message or accepted, without a panic, within ten seconds. Robots on random grounds must not gain
-//! energy. `xtask`'s tests fuzz command lines and kill runs.
+//! Fuzzes the file readers in this process: mutates files of every kind, reads them, and steps their robots. Each case
+//! must be accepted, or refused with a message, within ten seconds and without a panic. Robots on random grounds must
+//! not gain energy. The tests of `xtask` fuzz command lines and killed runs.
 
 mod case;
 mod compiler;
@@ -22,9 +22,9 @@ pub use case::{Kind, Outcome};
 pub use found::Found;
 pub use text::{Dictionary, byte, repeated};
 
-/// Longest time of a case.
+/// Time limit of a case on the CPU.
 const LIMIT: Duration = Duration::from_secs(10);
-/// Longest time of a case on a GPU, where kernels are compiled first.
+/// Time limit of a case on a GPU; it includes compiling the kernels.
 const CARD_LIMIT: Duration = Duration::from_secs(120);
 
 settings! {
@@ -50,10 +50,10 @@ settings! {
 
 type Tried = (Kind, u64, Outcome);
 
-/// Running cases by worker: the case and its start time.
+/// Running cases: worker index to the case (kind, number) and its start time.
 type Busy = BTreeMap<usize, ((Kind, u64), Instant)>;
 
-/// State shared by the workers: cases to run, the next one, and the running ones.
+/// State shared by the worker threads: all cases, the index of the next case to run, and the running cases.
 struct Desk {
     asked: Vec<(Kind, u64)>,
     seed: u64,
@@ -111,8 +111,8 @@ impl Campaign {
         Ok(found)
     }
 
-    /// Collects the outcomes of all cases, and the numbers of the accepted MJCFs. A worker over the time limit is
-    /// abandoned and replaced.
+    /// Collects the outcomes of all cases, and the numbers of the accepted MJCFs. A worker thread over the time limit
+    /// is abandoned and replaced.
     fn gather(
         &self,
         desk: &Desk,
@@ -177,7 +177,7 @@ fn work(desk: &Desk, own: usize, give: &Sender<Tried>) {
                 Ok(Err(e)) => Outcome::Fault(format!("no case: {e:#}")),
                 Err(said) => Outcome::Fault(format!("a panic: {said}")),
             };
-        // An abandoned worker ends.
+        // Ends a worker thread that was abandoned for exceeding the time limit.
         if busy().remove(&own).is_none() || give.send((kind, number, outcome)).is_err() {
             return;
         }

@@ -1,19 +1,21 @@
-//! Random edits of valid text: numbers, words, stretches of text, bytes. Equal dice give equal edits.
+//! Edits valid text at random: numbers, words, runs of tokens, and bytes. Random generators in equal states give equal
+//! edits.
 
 pub use nerd_tasks::ChaCha8Rng as Dice;
 use rand::RngExt;
 
-/// Longest stretch that is copied or removed, in tokens.
+/// Most tokens that one edit copies or removes.
 const STRETCH: usize = 60;
 
 pub struct Dictionary {
     words: Vec<String>,
-    /// Whether words end only at spaces, as on a command line; numbers then come from the dictionary alone.
+    /// Whether only spaces end a word, as on a command line. If so, numbers are only replaced by dictionary words,
+    /// never scaled.
     spaced: bool,
 }
 
 impl Dictionary {
-    /// Dictionaries for robots, TOML, tables and model configurations.
+    /// Words to insert into a robot's URDF.
     pub fn urdf() -> Self {
         Self::new(include_str!("words/urdf.txt"), false)
     }
@@ -30,14 +32,14 @@ impl Dictionary {
         Self::new(include_str!("words/model.txt"), false)
     }
 
-    /// Reads a dictionary: words in the first line (`''` is the empty word), whole lines below.
+    /// Reads a dictionary. The first line of `text` has words (`''` is the empty word); each other line is one entry.
     pub fn new(text: &str, spaced: bool) -> Self {
         let (words, lines) = text.split_once('\n').unwrap_or((text, ""));
         let words = words.split(' ').map(|word| if word == "''" { String::new() } else { repeated(word) });
         Self { words: words.chain(lines.lines().map(|line| format!("\n{}\n", repeated(line)))).collect(), spaced }
     }
 
-    /// Edits a text up to four times, or not at all; now and then raw bytes.
+    /// Edits a text up to four times, or not at all. One edit in 16 changes raw bytes instead of words.
     pub fn change(&self, dice: &mut Dice, bytes: &mut Vec<u8>) {
         for _ in 0..[0, 1, 1, 1, 1, 2, 2, 4][dice.random_range(0..8)] {
             match std::str::from_utf8(bytes) {
@@ -99,7 +101,7 @@ impl Dictionary {
     }
 }
 
-/// Changes, inserts or removes a byte, or truncates.
+/// Changes, inserts or removes one byte at a random place, or truncates there.
 pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
     let at = dice.random_range(0..=bytes.len());
     let new = dice.random();

@@ -5,9 +5,9 @@ use rand::RngExt;
 use super::text::Dice;
 use crate::prelude::*;
 
-/// Most elements of an edited file; copies of copies test nothing new.
+/// Largest file, in elements, to which edits still add copies of elements.
 const MOST: usize = 400;
-/// Values that an attribute may be set to.
+/// Unusual values that edits give to attributes.
 const ODD: [&str; 14] = [
     "0",
     "-1",
@@ -61,7 +61,7 @@ impl Element {
         1 + self.children.iter().map(Self::count).sum::<usize>()
     }
 
-    /// The k-th element in depth-first order; 0 is the root.
+    /// Returns the k-th element below this one in depth-first order; 0 is this element.
     fn at(&mut self, mut k: usize) -> &mut Self {
         let Some(next) = k.checked_sub(1) else { return self };
         k = next;
@@ -96,7 +96,7 @@ impl Element {
                     own.children.swap(x, y);
                 }
             }
-            // Copies an element into another one.
+            // Copies one element into the children of another.
             3 if n < MOST => {
                 let moved = self.at(a).clone();
                 self.at(b).children.push(moved);
@@ -127,7 +127,7 @@ impl Element {
                 }
             }
             _ => {
-                // The next element with attributes.
+                // Changes an attribute's value in the next element that has attributes.
                 if let Some(own) = (a..n).chain(0..a).find(|k| !self.at(*k).attributes.is_empty()) {
                     let own = self.at(own);
                     let k = dice.random_range(0..own.attributes.len());
@@ -155,7 +155,7 @@ impl Element {
     }
 }
 
-/// An edited attribute value: one word changed, or all of it.
+/// Returns an attribute's value `text` with one word changed, or replaced as a whole.
 fn value(dice: &mut Dice, text: &str) -> String {
     let odd = ODD[dice.random_range(0..ODD.len())];
     let mut words = text.split_whitespace().map(String::from).collect_vec();

@@ -1,4 +1,4 @@
-//! Times solvers on a GPU: many environments, whose states stay there for all frames.
+//! Times solvers on a GPU with many environments, whose states stay on the GPU for all frames.
 
 use nerd_sim::articulated::device::Real;
 use nerd_train::{evaluate::Held, learner::cuda::Precision, provenance::card_memory, spec::resident};
@@ -6,15 +6,15 @@ use nerd_train::{evaluate::Held, learner::cuda::Precision, provenance::card_memo
 use crate::prelude::*;
 use crate::roll::idle;
 
-/// The arithmetics of a setting's products there, and their words.
+/// Number formats of a solver's matrix products on a GPU, each with its suffix in tables.
 pub fn arithmetics(spec: &SolverSpec) -> &'static [(Precision, &'static str)] {
     let all = &[(Precision::F32, ""), (Precision::Tf32, ", TF32"), (Precision::F16, ", f16")];
     if spec.folder().is_some() { all } else { &all[..1] }
 }
 
-/// Errors of a solver, time, and the GPU memory of this process. `n`
-/// environments take the states of `begun` in turn. They roll for `frames` frames, without torques or towards the first
-/// targets of `held`. Environments that the solver gives up stay in place.
+/// Measures a solver's errors, its time a frame, and the GPU memory of this process. For the time, `n` environments
+/// start at the states of `begun` in turn. They are rolled out for `frames` frames, without torques or with drives
+/// towards the first targets of `held`. Environments that the solver gives up stay in place.
 pub fn timed(
     begun: &Batch,
     spec: &SolverSpec,

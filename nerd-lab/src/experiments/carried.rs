@@ -30,7 +30,7 @@ settings! {
 const FILE: &str = "MuJoCo, file";
 const OURS: &str = "MuJoCo, ours";
 
-/// Episodes of a policy in one simulator, and of the zero-action policy.
+/// Rewards of a policy and of the zero-action policy in one simulator.
 #[derive(Clone, Serialize)]
 pub struct Row {
     pub task: String,
@@ -38,12 +38,12 @@ pub struct Row {
     pub simulator: String,
     pub reward: Reward,
     pub still: Reward,
-    /// (reward - still) / (reward in the truth - still in the truth); none where the truth's policy earns no more than
-    /// the zero-action policy.
+    /// (reward - still) / (reward in the truth - still in the truth); `None` where the policy earns no more in the
+    /// truth than `still`.
     pub share: Option<f64>,
-    /// Episodes that ended in a terminal state.
+    /// Number of the policy's episodes that ended in a terminal state.
     pub fallen: usize,
-    /// Data of MuJoCo runs.
+    /// MuJoCo's versions, differences and settings; `None` for the truth.
     pub there: Option<There>,
 }
 
@@ -54,7 +54,7 @@ pub struct There {
     pub settings: Settings,
 }
 
-/// A policy, or the zero-action policy, exported as a model with its contract.
+/// A policy, or the zero-action policy, exported as ONNX with its contract.
 struct Exported {
     policy: Policy,
     onnx: PathBuf,
@@ -66,7 +66,8 @@ impl Carried {
         Policies { policy: self.policy.clone(), ..Policies::default() }.folders()
     }
 
-    /// Rows of a policy. Empty, with a note, if the contract does not suffice to play it in MuJoCo.
+    /// Plays a policy in the truth and in MuJoCo, with a row for each simulator. Empty, with a note, if the contract
+    /// does not suffice to play the policy in MuJoCo.
     fn rows(&self, path: &Path) -> Result<Vec<Row>> {
         let (folder::PolicyConfig { task, .. }, policy) = folder::load(path)?;
         let name = from_root(path);
@@ -122,7 +123,7 @@ impl Carried {
                 Ok((Played { versions, games, fallen, apart, settings }, still)) => {
                     add(simulator, &games, &still.games, fallen, Some(There { versions, apart, settings }));
                 }
-                // The other setting may still succeed.
+                // Goes on, since the other contact setting may still succeed.
                 Err(error) if self.settings == "both" && file.is_some() => {
                     tell!("{name}: not played with --settings {word}: {error}")
                 }
@@ -136,14 +137,14 @@ impl Carried {
     }
 }
 
-/// The robot's file, if it is an MJCF.
+/// Returns the path of the robot's file, if it is an MJCF.
 fn mjcf_of(robot: &str) -> Option<PathBuf> {
     let text = nerd_sim::files::read_text(Path::new(robot)).ok()?;
     nerd_sim::mjcf::is_mjcf(&text).then(|| robot.into())
 }
 
-/// A line for each policy: settings that differ between the file's and ours, or all settings if only the file's were
-/// played.
+/// Describes for each policy the MuJoCo settings that differ between `file` and `ours`. If only `file` was played, all
+/// its settings are listed.
 fn differences(rows: &[Row]) -> String {
     let line = |k: usize| {
         let settings = |row: &Row| row.there.as_ref().map(|there| there.settings.clone());

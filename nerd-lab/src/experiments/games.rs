@@ -1,4 +1,4 @@
-//! Episodes of a policy in a truth and in a model, and the gap between their rewards.
+//! Plays episodes of a policy in a truth and in a model, and computes the gap between their rewards.
 
 use nerd_tasks::{Task, named};
 use nerd_train::ppo::{Game, Policy, play};
@@ -8,7 +8,7 @@ use crate::prelude::*;
 #[derive(Clone, Copy, Serialize, Deserialize)]
 pub struct Reward {
     pub mean: f64,
-    /// Standard deviation over episodes.
+    /// Standard deviation of the reward over episodes.
     pub spread: f64,
     #[serde(default)]
     pub standard_error: f64,
@@ -44,7 +44,7 @@ impl Reward {
 pub struct Compared {
     pub real: Reward,
     pub learned: Option<Reward>,
-    /// [`gap`] (percent); `None` if it is not finite, as for zero reward in the truth.
+    /// [`gap`] between both mean rewards (%); `None` if it is not finite, as for zero reward in the truth.
     pub gap: Option<f64>,
     #[serde(default)]
     pub gap_error: Option<f64>,
@@ -69,8 +69,8 @@ pub fn gap(real: f64, learned: f64) -> f64 {
     100.0 * (learned - real) / real.abs()
 }
 
-/// Standard error of [`gap`] for episodes with equal starts, pair by pair:
-/// `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
+/// Standard error of [`gap`] (%) from pairs of episodes with equal starts. With rewards r in the truth and l in the
+/// model, it is `sd(l - r mean(l) / mean(r)) / (sqrt(n) |mean(r)|)`.
 fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     let r = Reward::of(real).mean;
     let l = Reward::of(learned).mean;
@@ -102,8 +102,8 @@ pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     }
 }
 
-/// The scene that identifies a solver by its motion: the task's, or `plane` if that is the task's own terrain and not a
-/// scene of the robot.
+/// Returns the scene of the motion that identifies a solver. It is the task's scene, or `plane` if that scene is the
+/// task's own terrain.
 fn scene(task: &str, robot: &str) -> Result<String> {
     let task = named(task)?;
     let known = System::named(robot)?.scene(task.scene()).is_ok();
@@ -116,7 +116,7 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
         bail!("--episodes 0: at least one is needed");
     }
     let mut episodes = arena.episodes(task, n, seed)?;
-    // These episodes are never resumed.
+    // Keeps no frames for snapshots: these episodes are never resumed.
     episodes.remember(0);
     let bar = bar(&format!("steps of {n} games of {task} on {}", arena.title()?), episodes.task.episode_length());
     let mut step = 0;
@@ -128,17 +128,17 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
     Ok(games)
 }
 
-/// The policy whose actions are all 0.
+/// Returns a policy of the same shape whose actions are all 0.
 pub fn still(policy: &Policy) -> Policy {
     Policy { flat: vec![0.0; policy.flat.len()], ..policy.clone() }
 }
 
-/// Number of episodes that ended early.
+/// Counts episodes that ended before the task's episode length.
 pub fn fallen(games: &[Game], task: &dyn Task) -> usize {
     games.iter().filter(|game| game.length < task.episode_length() as f64).count()
 }
 
-/// Adds the inputs of a task's episodes in a truth: the robot and the solver.
+/// Adds the inputs of a task's episodes in a truth: the task's robot and the solver.
 pub fn depend(inputs: &mut Inputs, task: &str, truth: Truth) -> Result<()> {
     inputs.add(Input::robot(&*named(task)?.system()?));
     inputs.add(input_of(task, &truth.into())?);

@@ -1,5 +1,5 @@
-//! Measurements of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
-//! `NAME/result.json`, `NAME/README.md` and its figures.
+//! Measurements of solvers, models and policies. An experiment is a struct of settings; [`conduct`] measures it and
+//! writes `NAME/result.json`, `NAME/README.md` and its figures.
 
 pub mod calibrated;
 #[cfg(feature = "cuda")]
@@ -31,7 +31,7 @@ pub struct About {
 pub trait Experiment {
     fn about(&self) -> Result<About>;
 
-    /// Measures; progress goes to standard error.
+    /// Runs the measurement; progress goes to standard error.
     fn measure(&self) -> Result<Measured>;
 }
 
@@ -65,7 +65,7 @@ pub struct Timed {
     pub memory: Option<f64>,
 }
 
-/// Refuses a GPU if the program was built without.
+/// Refuses a GPU if the program was built without the feature `cuda`.
 pub fn built_for(card: bool) -> Result<()> {
     if card && !cfg!(feature = "cuda") {
         bail!("--device cuda needs a build with `--features cuda`");

@@ -1,4 +1,4 @@
-//! Sources of torques.
+//! Simulations of the live page, each with its source of torques.
 
 use nerd_tasks::Episodes;
 use nerd_train::ppo::{Actor, Running};
@@ -7,9 +7,9 @@ use crate::prelude::*;
 
 /// A simulation with its source of torques.
 pub enum Act {
-    /// No torques, or the robot's own control law towards the default pose.
+    /// A robot without torques, or under its own control law towards the default pose.
     Alone(Simulation),
-    /// A policy in its task.
+    /// A policy that plays episodes of its task.
     Policy(Box<(Episodes, Running, Actor)>),
 }
 
@@ -33,8 +33,8 @@ impl Act {
         self.simulation().batch.system.frame_time * frames as f64
     }
 
-    /// Steps once; `law` gives the torques of a robot without a policy. Returns the first environment's torques
-    /// `[frame][joint]`, and whether its episode ended.
+    /// Steps one frame, or one policy step; `law` gives the torques of a robot without a policy. Returns the first
+    /// environment's torques `[frame][joint]`, and whether its episode ended.
     pub(super) fn step(&mut self, law: Option<&mut Controller>) -> Result<(Vec<f64>, bool), StepError> {
         let joints = self.simulation().batch.system.robot.joint_count();
         match self {
@@ -66,7 +66,7 @@ impl Act {
         }
     }
 
-    /// Restarts at `start`; a policy begins its next episodes.
+    /// Resets to `start`, the states `[env][state]`; a policy begins its next episodes instead.
     pub(super) fn reset(&mut self, start: &[f64]) {
         match self {
             Self::Alone(simulation) => {

@@ -1,4 +1,4 @@
-//! Requests of the page.
+//! Requests that the live page sends.
 
 use serde::Deserialize;
 
@@ -10,39 +10,40 @@ use super::menu::MOST;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", content = "to", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Ask {
-    /// Pauses or resumes.
+    /// Pauses (true) or resumes the motion.
     Pause(bool),
-    /// Steps one frame.
+    /// Steps one frame, or one policy step.
     Step,
-    /// Restarts; a policy begins its next episode.
+    /// Resets all environments; a policy begins its next episodes.
     Reset,
-    /// Swaps the solver, from the present state: index in the list.
+    /// Swaps the solver and keeps the present state: index in the page's list of solvers.
     Solver(usize),
-    /// Substeps of a frame, for solvers with a choice: from 1 to 64.
+    /// Sets the substeps a frame of a solver that lets them be chosen: from 1 to 64.
     Substeps(usize),
-    /// Selects a robot: index in the list.
+    /// Selects a robot: index in the page's list of robots.
     Robot(usize),
-    /// Selects a scene of the robot: index in the list.
+    /// Selects a scene of the robot: index in the page's list of scenes.
     Scene(usize),
-    /// Selects a policy in its task: number in the list, from 1; 0 for none.
+    /// Selects a policy and its task: number in the page's list of policies, from 1; 0 for none.
     Policy(usize),
-    /// Number of environments side by side: from 1 to [`super::MOST`].
+    /// Sets the number of environments: from 1 to [`super::MOST`].
     Envs(usize),
-    /// Whether the truth runs along, from the present state.
+    /// Whether a ghost shows the truth's motion, from the present state on.
     Ghost(bool),
-    /// Whether joints without a policy hold the default pose, or are limp.
+    /// Whether the joints of a robot without a policy hold the default pose, or are limp.
     Hold(bool),
-    /// Friction coefficient: from 0 to 4.
+    /// Sets all friction coefficients: from 0 to 4.
     Friction(f64),
-    /// Gravity along the scene's direction: from 0 to 30 m/s^2.
+    /// Sets gravity along the scene's direction: from 0 to 30 m/s^2.
     Gravity(f64),
-    /// Pulls a link (by index) with a spring from a point (m, link axes) to a target (m, world) until [`Ask::Release`].
+    /// Pulls a link by a spring until [`Ask::Release`]: link index, point of the link (m, link axes), target (m, world
+    /// axes).
     Drag(usize, [f64; 3], [f64; 3]),
-    /// Removes the spring.
+    /// Removes the spring of [`Ask::Drag`].
     Release,
 }
 
-/// Farthest coordinate of a drag (m).
+/// Largest absolute coordinate of the points of a [`Ask::Drag`] (m).
 const FAR: f64 = 1e3;
 
 impl Ask {

@@ -1,4 +1,4 @@
-//! Draws many environments with one line for each link.
+//! Lines that stand for links, one for each, to draw many environments.
 
 use nalgebra::Point3;
 use nerd_core::dynamics::link_pose;
@@ -10,11 +10,11 @@ use crate::prelude::*;
 #[derive(Serialize)]
 pub(super) struct Stick {
     hue: f64,
-    /// Thickness (m).
+    /// Thickness of the line (m).
     width: f64,
     #[serde(skip)]
     link: usize,
-    /// In link axes (m).
+    /// Ends of the line in link axes (m).
     #[serde(skip)]
     ends: [Point3<f64>; 2],
 }
@@ -39,7 +39,7 @@ impl Stick {
         })
     }
 
-    /// The largest shape of each link.
+    /// Makes one line for the largest shape of each link.
     pub fn all(solids: &[Solid]) -> Vec<Self> {
         let mut best = BTreeMap::<usize, Self>::new();
         for stick in solids.iter().filter_map(Self::new) {
@@ -52,7 +52,8 @@ impl Stick {
     }
 }
 
-/// Line ends of all environments but the first, `[env][stick][end][x, y, z]` in little-endian f32 (m).
+/// Computes the line ends of all environments but the first. They are `[env][stick][end][x, y, z]` (m) in little-endian
+/// f32.
 pub(super) fn ends(batch: &Batch, sticks: &[Stick]) -> Vec<u8> {
     let robot = &batch.system.robot;
     let width = batch.system.robot.state_dim();

@@ -5,17 +5,17 @@ use nerd_core::{dynamics::Axes, robot::FixedFrame};
 
 use crate::prelude::*;
 
-/// Stiffness over the robot's mass (1/s^2), with critical damping for that mass. A toe is far lighter, so the spring is
-/// stepped implicitly.
+/// Stiffness of the spring divided by the robot's mass (1/s^2); damping is critical for that mass. The spring is
+/// stepped implicitly, since the pulled link may be far lighter than the robot.
 const PULL: f64 = 60.0;
 
-/// A spring from a point of a link to a target.
+/// A spring-damper from a point of a link to a target point.
 #[derive(Clone, Copy)]
 pub(super) struct Hand {
     pub link: usize,
-    /// The point (m, link axes).
+    /// Point of the link that is pulled (m, link axes).
     pub local: Vector3<f64>,
-    /// The target (m, world axes).
+    /// Point towards which the spring pulls (m, world axes).
     pub target: Vector3<f64>,
 }
 
@@ -24,7 +24,8 @@ impl Hand {
     /// mass matrix cannot be factorised.
     pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
         let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
-        // Solves the implicit step for p: p = dt m (k (target - x - dt v') - c v') with v' = v + G p.
+        // Solves the spring's implicit step for the impulse p (N s): p = dt m (k (target - x - dt v') - c v') with v' =
+        // v + G p.
         let spring = dt * mass * PULL;
         let damper = dt * mass * (PULL * dt + 2.0 * PULL.sqrt());
         self.push(batch, |place, speed, gives| {
@@ -33,8 +34,9 @@ impl Hand {
         })
     }
 
-    /// Applies an impulse (N s, world axes) at the point. `law` computes it from the point's position, velocity and
-    /// inverse effective mass G. Velocities change by `M^-1 J^T impulse`, so any solver responds.
+    /// Applies an impulse (N s, world axes) at the pulled point of the link. `law` computes it from the point's
+    /// position, velocity and inverse effective mass G. Velocities change by `M^-1 J^T impulse`, so any solver
+    /// responds.
     pub fn push(
         &self,
         batch: &mut Batch,

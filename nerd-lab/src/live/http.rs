@@ -1,5 +1,5 @@
-//! HTTP server for one small page. Silent or unfinished connections are closed. At most [`SEATS`] are open; beyond that
-//! the longest silent one is closed for each new one.
+//! HTTP server for one small page. Silent or unfinished connections are closed. At most [`SEATS`] connections are open.
+//! Each further one closes the connection that has been silent for longest.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -9,16 +9,18 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::prelude::*;
 
-/// Most open connections.
+/// Largest number of open connections.
 const SEATS: usize = 200;
-/// Longest silence between requests; longest time to receive a request or send an answer.
+/// Longest silence between the requests of a connection.
 const SILENT: Duration = Duration::from_secs(20);
+/// Longest time to receive a request, or to send an answer.
 const SLOW: Duration = Duration::from_secs(5);
-/// Longest head and body of a request (bytes).
+/// Largest head of a request (bytes).
 const HEAD: usize = 8192;
+/// Largest body of a request (bytes).
 pub const BODY: usize = 1024;
 
-/// A parsed request.
+/// A parsed HTTP request.
 #[derive(Default)]
 pub struct Request {
     pub method: String,
@@ -30,11 +32,11 @@ pub struct Request {
     last: bool,
 }
 
-/// Status, content type and body.
+/// An answer: HTTP status, content type and body.
 pub type Reply = (u16, &'static str, Arc<[u8]>);
 type Answer = dyn Fn(&Request) -> Reply + Send + Sync;
 
-/// Connections by number, each with the start of its silence.
+/// Open connections by number, each with the time since which it is silent.
 type Seats = Mutex<BTreeMap<u64, (Arc<TcpStream>, Instant)>>;
 
 pub struct Server {
@@ -43,7 +45,7 @@ pub struct Server {
 }
 
 impl Server {
-    /// Serves a port of this machine until dropped.
+    /// Serves a port of this machine until dropped; port 0 takes any free one.
     pub fn new(port: u16, answer: Arc<Answer>) -> std::io::Result<Self> {
         let listener = TcpListener::bind(("127.0.0.1", port))?;
         let address = listener.local_addr()?;
@@ -58,7 +60,7 @@ impl Server {
                 }
                 match stream {
                     Ok((stream, _)) => seat(number, stream, &seats, &answer),
-                    // Out of file descriptors: frees one.
+                    // Frees a file descriptor, for lack of which `accept` may fail.
                     Err(_) => {
                         hang_up(&seats);
                         std::thread::sleep(Duration::from_millis(20));
@@ -70,7 +72,7 @@ impl Server {
     }
 }
 
-/// The last connection wakes the accept loop, which then ends.
+/// Ends the accept loop: connects once, so that the loop wakes and sees `over`.
 impl Drop for Server {
     fn drop(&mut self) {
         self.over.store(true, Ordering::SeqCst);
@@ -86,7 +88,7 @@ fn seat(number: u64, stream: TcpStream, seats: &Arc<Seats>, answer: &Arc<Answer>
         hang_up(seats);
     }
     locked(seats).insert(number, (stream.clone(), Instant::now()));
-    // If no thread starts, the connection closes.
+    // Closes the connection if no thread can be started.
     let served = std::thread::Builder::new().spawn(move || {
         while let Ok(last) = serve(&stream, &*answer) {
             if last {
@@ -114,12 +116,12 @@ fn locked(seats: &Seats) -> std::sync::MutexGuard<'_, BTreeMap<u64, (Arc<TcpStre
     seats.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A refusal and its reason.
+/// Makes an answer that refuses a request with a status and a reason.
 pub fn refused(code: u16, why: &str) -> Reply {
     (code, "text/plain; charset=utf-8", why.as_bytes().into())
 }
 
-/// Answers one request; returns whether it was the last. An error ends the connection.
+/// Answers one request; returns whether it was the connection's last. An error ends the connection.
 fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     stream.set_nodelay(true)?;
     stream.set_write_timeout(Some(SLOW))?;
@@ -139,7 +141,7 @@ fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
     let text = if asked.method == "HEAD" { b"" } else { &text[..] };
     stream.write_all(&[head.as_bytes(), text].concat())?;
     if asked.last {
-        // Reads what is still in flight: closing earlier would reset the connection and cut the answer.
+        // Reads what the client still sends: closing earlier would reset the connection and cut the answer.
         stream.shutdown(Shutdown::Write)?;
         stream.set_read_timeout(Some(Duration::from_millis(500)))?;
         let _ = std::io::copy(&mut stream.take(1 << 20), &mut std::io::sink());
@@ -172,7 +174,7 @@ fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'stati
     }
 }
 
-/// Parses a request once it is complete. Pipelined requests are not supported.
+/// Parses a request; `None` while it is not complete. Pipelined requests are not supported.
 fn parsed(bytes: &[u8]) -> Result<Option<Request>, (u16, &'static str)> {
     const LONG: (u16, &str) = (413, "an ask is at most 1024 bytes, and says how many");
     let mut headers = [httparse::EMPTY_HEADER; 64];

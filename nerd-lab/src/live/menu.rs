@@ -1,4 +1,4 @@
-//! Robots, scenes, policies and models to choose from.
+//! The live page's choices: robots, scenes, policies and models.
 
 use nerd_sim::scene::WORLDS;
 use nerd_tasks::named;
@@ -9,30 +9,31 @@ use crate::{prelude::*, roll::begun};
 
 pub const MOST: usize = 4096;
 
-/// Lists of choices, and the present choice by index.
+/// Lists of choices, and the present choice as indices into them.
 #[derive(Clone, Default, Serialize)]
 pub struct Menu {
     pub robots: Vec<String>,
     pub scenes: Vec<String>,
     pub policies: Vec<PathBuf>,
-    /// Folders of models, besides `models/ROBOT`.
+    /// Folders of models to choose from, besides `models/ROBOT`.
     #[serde(skip)]
     pub models: Vec<PathBuf>,
     pub robot: usize,
     pub scene: Option<usize>,
-    /// The policy in its task, counted from 1; 0 for none.
+    /// Number of the chosen policy in `policies`, counted from 1; 0 for none.
     pub policy: usize,
     pub envs: usize,
 }
 
-/// The robot's own scenes, then the shared ones if it has contact points; the page cannot draw the mesh of `hills`.
+/// Lists the robot's own scenes, then the shared ones if the robot has contact points. Leaves out `hills`, whose mesh
+/// the page cannot draw.
 fn scenes(system: &System) -> Vec<String> {
     let touches = !system.robot.contact_points.is_empty();
     let worlds = WORLDS.into_iter().filter(|world| touches && *world != "hills");
     system.scene_names().into_iter().chain(worlds).map(String::from).collect()
 }
 
-/// The place of a choice in a list, which it ends if it is new.
+/// Returns the index of `own` in a list; appends it if it is new.
 fn place<T: PartialEq>(all: &mut Vec<T>, own: T) -> usize {
     let at = all.iter().position(|one| *one == own).unwrap_or(all.len());
     if at == all.len() {
@@ -47,14 +48,15 @@ pub(super) struct Made {
     pub settings: Vec<SolverSpec>,
 }
 
-/// The k-th of a list, whose numbers begin at `first`.
+/// Returns entry `k` of a list, counted from 0; the error counts from `first`.
 pub(super) fn chosen<'a, T>(what: &str, all: &'a [T], k: usize, first: usize) -> Result<&'a T> {
     all.get(k).with_context(|| format!("there is no {what} {}; there are {}", k + first, all.len()))
 }
 
 impl Menu {
-    /// All that ships with the project, and the given robot, policy and models. Without `scene`: `ground`, else the
-    /// first after `free` if the base is free or the robot has scenes, else `free`.
+    /// Lists all that ships with the project, and the given robot, policy and models. Without `scene`, the scene is
+    /// `ground` if the robot has it. Else it is the first after `free` if the base is floating or the robot has scenes,
+    /// else `free`.
     pub fn new(robot: Option<&str>, scene: Option<&str>, policy: Option<&Path>, models: &[PathBuf]) -> Result<Self> {
         let mut robots = [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect_vec();
         let mut policies = shipped::policies("")?;
@@ -70,7 +72,7 @@ impl Menu {
         Ok(Self { scene: Some(scene), ..menu })
     }
 
-    /// Builds the present choice, and lists its scenes.
+    /// Builds the simulation of the present choice, and lists its robot's scenes.
     pub(super) fn make(&mut self) -> Result<Made> {
         let (act, system, title) = match self.policy.checked_sub(1) {
             Some(k) => {

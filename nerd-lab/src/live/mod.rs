@@ -1,5 +1,5 @@
-//! `cargo xtask live`: a robot in real time in a browser on this machine, to be pushed and given other solvers while it
-//! moves.
+//! `cargo xtask live`: simulates a robot in real time and shows it in a browser on this machine. The visitor pushes the
+//! robot and swaps its solver while it moves.
 //!
 //! One thread owns the [`World`] and steps it, handles requests between frames, and publishes the latest frame as JSON.
 //! Server threads answer from that copy, so no client can delay the motion or another client.

@@ -1,4 +1,4 @@
-//! The page and its requests, served to this machine alone.
+//! Serves the live page and its requests to this machine alone.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -10,7 +10,7 @@ use super::http::{Reply, Request, Server, refused};
 use super::world::World;
 use crate::prelude::*;
 
-/// Most queued requests; further ones are refused.
+/// Largest number of queued requests; further requests are refused.
 const WAITING: usize = 64;
 
 const PAGE: &str = include_str!("live.html");
@@ -34,7 +34,7 @@ impl Face {
         Self { page: page.into_bytes().into(), ..Self::default() }.now(world)
     }
 
-    /// The same page with the present state of the world.
+    /// Keeps the page and updates the state to that of the world.
     fn now(self, world: &World) -> Self {
         let state = serde_json::to_vec(&world.shown()).unwrap_or_else(|e| format!("{{\"trouble\":\"{e}\"}}").into());
         Self { state: state.into(), crowd: world.crowd().into(), ..self }
@@ -87,7 +87,7 @@ fn reply(request: &Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) -> Rep
     }
 }
 
-/// Steps a world in real time until the server is gone; slower if frames take too long.
+/// Steps a world in real time, or slower if frames take too long, until the server is gone.
 fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
     let mut next = Instant::now();
     loop {
@@ -100,7 +100,8 @@ fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
             }
             next = (next + pace).max(Instant::now());
         }
-        // Some requests are handled even if frames are late, and frames continue even if requests never end.
+        // Handles at most `WAITING` further requests between frames: neither late frames nor endless requests block the
+        // other.
         match asked.recv_timeout(left) {
             Ok(ask) => std::iter::once(ask).chain(asked.try_iter().take(WAITING)).for_each(|ask| world.answer(ask)),
             Err(RecvTimeoutError::Disconnected) => return,

@@ -1,5 +1,5 @@
-//! A robot, or many copies, under a solver that can be swapped; with a ghost (the truth's motion of the first) and a
-//! spring that pulls a link.
+//! The live simulation: environments of one robot under a solver that can be swapped. A ghost shows the truth's motion
+//! of the first environment; a spring may pull a link.
 
 use nerd_train::evaluate::{Gaps, quantities};
 use nerd_train::replay::{Replay, poses};
@@ -12,14 +12,14 @@ use super::hand::Hand;
 use super::menu::{Made, Menu, chosen};
 use crate::prelude::*;
 
-/// The simulation behind the page.
+/// The simulation behind the live page.
 pub struct World {
     pub title: String,
     menu: Menu,
-    /// Worlds before this one; choosing a robot, scene, policy or number of environments makes a new one.
+    /// Number of worlds before this one. Choosing a robot, scene, policy or number of environments makes a new world.
     pub number: usize,
     act: Act,
-    /// As loaded, without friction changes; solvers are built for this system.
+    /// The system as loaded, without the visitor's friction changes; solvers are built for it.
     pub system: Arc<System>,
     start: Vec<f64>,
     settings: Vec<SolverSpec>,
@@ -33,31 +33,31 @@ pub struct World {
     pub paused: bool,
     hand: Option<Hand>,
     frame: u64,
-    /// Microseconds of the last frame: solver, ghost.
+    /// Wall time of the last frame (us): `[solver, ghost]`.
     cost: [f64; 2],
     trouble: String,
 }
 
 #[derive(Serialize)]
 pub struct Shown {
-    /// Number of the world; if it changes, the page reloads.
+    /// Number of the world; the page reloads when it changes.
     pub number: usize,
     pub frame: u64,
-    /// Link poses of the first robot, then of the ghost if there is one.
+    /// Link poses of the first environment's robot, then of the ghost if there is one.
     pub tracks: Vec<Vec<[f32; 7]>>,
-    /// Distance of the ghost: mean |dq| over position, orientation and joints (m and rad), as in `evaluate`.
+    /// Distance between the first robot and the ghost: mean |dq| over position (m), orientation (rad) and joints.
     pub apart: Option<f64>,
-    /// Microseconds of a frame: solver, ghost.
+    /// Wall time of a frame (us): `[solver, ghost]`.
     pub cost: [f64; 2],
-    /// Index of the solver in the list.
+    /// Index of the present solver in the page's list.
     pub solver: usize,
     pub name: String,
-    /// Substeps, if they can be chosen.
+    /// Substeps a frame, if the solver lets them be chosen.
     pub substeps: Option<usize>,
     pub paused: bool,
-    /// Whether joints without a policy hold the default pose.
+    /// Whether the joints of a robot without a policy hold the default pose.
     pub hold: bool,
-    /// The last error, in a line.
+    /// The last error, in one line; empty if there is none.
     pub trouble: String,
 }
 
@@ -67,7 +67,7 @@ impl World {
         Ok(Self { menu, ..Self::new(&title, act, settings)? })
     }
 
-    /// A world without a menu that begins with the first of `settings`.
+    /// Makes a world without menu entries. Its first solver is the first of `settings`.
     pub fn new(title: &str, mut act: Act, settings: Vec<SolverSpec>) -> Result<Self> {
         let simulation = act.simulation_mut();
         let system = simulation.batch.system.clone();
@@ -96,12 +96,12 @@ impl World {
         })
     }
 
-    /// Simulated time of a step (s): a frame, or a policy's step.
+    /// Simulated time of a step (s): of one frame, or of one policy step.
     pub fn pace(&self) -> f64 {
         self.act.seconds()
     }
 
-    /// Initial data of the page: robot and scene to draw, choices, friction and gravity (m/s^2).
+    /// Returns the page's initial data: robot and scene to draw, choices, friction coefficient and gravity (m/s^2).
     pub fn page(&mut self) -> serde_json::Value {
         let batch = &self.act.simulation().batch;
         let robot = Replay::new(&self.title, batch, self.pace());
@@ -114,7 +114,7 @@ impl World {
         })
     }
 
-    /// Handles a request; errors go to [`Shown::trouble`].
+    /// Handles a request of the page; an error becomes [`Shown::trouble`].
     pub fn answer(&mut self, ask: Ask) {
         self.trouble.clear();
         let mut done = Ok(());
@@ -143,7 +143,7 @@ impl World {
         }
     }
 
-    /// One frame, or a policy's step. A solver error pauses the world.
+    /// Steps one frame, or one policy step. A solver error pauses the world.
     pub fn step(&mut self) {
         if let Err(error) = self.advance() {
             self.trouble = error.to_string();
@@ -218,7 +218,7 @@ impl World {
     }
 
     fn rub(&mut self, friction: f64) -> Result<()> {
-        // What solvers have prepared is of the old friction.
+        // Rebuilds the solvers, since they have prepared data with the old friction.
         let solvers =
             [self.settings[self.solver].solver(&self.system, self.menu.envs)?, self.truth.solver(&self.system, 1)?];
         let simulations = [Some(self.act.simulation_mut()), self.ghost.as_mut()];
@@ -260,7 +260,7 @@ impl World {
         Ok(())
     }
 
-    /// Line ends of all environments but the first, for the page.
+    /// Returns the line ends that draw all environments but the first, as bytes.
     pub fn crowd(&self) -> Vec<u8> {
         ends(&self.act.simulation().batch, &self.sticks)
     }

@@ -1,4 +1,4 @@
-//! Compares a robot's accelerations with MuJoCo's from the same file.
+//! Compares a robot's accelerations with MuJoCo's at the same states.
 
 use std::f64::consts::PI;
 
@@ -10,13 +10,13 @@ use serde_json::json;
 use super::referee::{Python, to_mujoco};
 use crate::prelude::*;
 
-/// Accelerations below this (m/s^2, rad/s^2) in both count as rounding.
+/// If all accelerations of both engines are below this (m/s^2, rad/s^2), their difference is not divided by them.
 const NONE: f64 = 1e-9;
 
-/// Largest difference between our accelerations and MuJoCo's over `count` random states, relative to the state's
-/// largest acceleration. If nothing accelerates, the absolute difference (m/s^2, rad/s^2). Contact, limits, dry
-/// friction and actuators are off. MuJoCo's equations are projected onto our coordinates, so mimic joints follow in
-/// both. A URDF is converted to MJCF first.
+/// Returns the largest difference between our accelerations and MuJoCo's over `count` random states. It is relative to
+/// MuJoCo's largest acceleration at the state, or absolute (m/s^2, rad/s^2) if all are near 0. Contact, limits, dry
+/// friction and actuators are off. MuJoCo's equations are projected onto our coordinates, so mimic joints follow their
+/// leading joints in both. A URDF is converted to MJCF first.
 pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<f64> {
     let robot = &system.robot;
     let model = match path.extension().is_some_and(|ending| ending == "xml") {
@@ -56,7 +56,7 @@ pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<
     Ok(worst)
 }
 
-/// A random state: joints within their limits, any root orientation, velocities up to 2 (rad/s or m/s).
+/// Draws the k-th random state `[q, qd]`: joints within their limits, velocities up to 2 rad/s or 2 m/s.
 fn state(robot: &Robot, k: u64) -> Vec<f64> {
     let mut rng = stream(17, k);
     let mut state = robot.zero_state();
@@ -75,7 +75,8 @@ fn state(robot: &Robot, k: u64) -> Vec<f64> {
     state
 }
 
-/// Accelerations in MuJoCo's layout: of a free root linear in world axes, then angular in root axes.
+/// Computes our forward dynamics at `state`, in MuJoCo's layout. A floating root has its linear acceleration in world
+/// axes, then its angular acceleration in root axes.
 fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
     let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
     let local = twist.to_local(robot, q);

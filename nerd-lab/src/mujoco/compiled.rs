@@ -1,5 +1,5 @@
-//! Compares a robot's masses and contacts with MuJoCo's compiler: mass of each body, geom pairs that may touch, their
-//! friction and margin.
+//! Compares a robot with MuJoCo's compilation of its MJCF: body masses, geom pairs that may touch, their friction and
+//! margin.
 
 use std::collections::HashMap;
 
@@ -12,12 +12,12 @@ use super::referee::Python;
 use crate::prelude::*;
 
 const COMPILED: &str = include_str!("compiled.py");
-/// Rounding: relative for masses, absolute for friction and margins (m).
+/// Difference that counts as rounding: relative for masses, absolute for friction coefficients and margins (m).
 const ROUNDING: f64 = 1e-6;
-/// MuJoCo raises a smaller friction to this.
+/// Least friction coefficient in MuJoCo, which raises smaller ones to it.
 const LEAST_FRICTION: f64 = 1e-5;
 
-/// MuJoCo's view of a file, as `compiled.py` prints it.
+/// MuJoCo's compilation of a file, as `compiled.py` prints it.
 #[derive(Deserialize)]
 struct Compiled {
     masses: BTreeMap<String, f64>,
@@ -42,16 +42,16 @@ struct Law {
 
 /// Result of the comparison with MuJoCo.
 pub struct Compared {
-    /// Moving bodies with compared masses.
+    /// Number of moving bodies whose masses were compared.
     pub bodies: usize,
-    /// Pairs of geoms that may touch in MuJoCo.
+    /// Number of geom pairs that may touch in MuJoCo.
     pub pairs: usize,
-    /// Differences, in words.
+    /// Descriptions of the differences between the robot here and MuJoCo's.
     pub differences: Vec<String>,
 }
 
-/// Compares a robot with MuJoCo's compilation of its MJCF at `path`. A static geom touches as in the robot's own scene:
-/// it must exist there, and the robot's geom needs a contact point. For two moving geoms the file's rules are compared.
+/// Compares a robot with MuJoCo's compilation of its MJCF at `path`. A static and a moving geom touch here only if the
+/// scene has the former, and the latter a contact point. For two moving geoms, the file's contact rules are compared.
 pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> {
     let theirs: Compiled = Python::start(python, COMPILED)?.ask(&json!({ "path": path }))?;
     let mut differences = masses(&system.robot, &theirs.masses);
@@ -59,9 +59,9 @@ pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> 
     Ok(Compared { bodies: theirs.masses.len(), pairs: theirs.pairs.len(), differences })
 }
 
-/// Links and bodies with different masses, or missing on one side.
+/// Lists links whose masses differ from MuJoCo's, and links that only one side has.
 fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
-    // A free root's armature is part of our inertia, but not a mass in MuJoCo.
+    // Subtracts a floating root's armature: it is part of our inertia, but of no mass in MuJoCo.
     let mass = |link: &Link| link.inertia.mass - if link.joint.is_none() { robot.free.armature } else { 0.0 };
     let ours: HashMap<&str, f64> = robot.links.iter().map(|link| (link.name.as_str(), mass(link))).collect();
     let body = |(name, theirs): (&String, &f64)| match ours.get(name.as_str()) {
@@ -75,7 +75,8 @@ fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
     theirs.iter().filter_map(body).chain(more).collect()
 }
 
-/// Geom pairs that touch on one side only, or differently. Geoms of a body with equal properties form one surface here.
+/// Lists geom pairs that touch only here or only in MuJoCo, or with different properties. Here, geoms of one body with
+/// equal properties form one surface.
 fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
     let ours = Ours::of(system)?;
     let surfaces = &system.surfaces.geoms;
@@ -115,7 +116,7 @@ impl std::fmt::Display for Geom {
     }
 }
 
-/// The first geom of a surface, and the number of others.
+/// Names a surface by its first geom and the number of its other geoms.
 fn named(surface: &SurfaceGeom) -> String {
     let (place, name) = surface.geoms.first().cloned().unwrap_or_default();
     let first = Geom { name, body: surface.body.clone(), place };
@@ -126,13 +127,13 @@ fn named(surface: &SurfaceGeom) -> String {
     }
 }
 
-/// Our contacts, in the scene of the file.
+/// The robot here and the scene of its file, to find which surfaces touch.
 struct Ours<'a> {
     system: &'a System,
     scene: Arc<Scene>,
-    /// A contact point of each moving surface, by number.
+    /// One contact point of each moving surface, by the surface's index.
     points: HashMap<usize, &'a ContactPoint>,
-    /// Indices of the scene's colliders of each static surface, by number.
+    /// Indices of the scene's colliders that belong to each static surface, by the surface's index.
     colliders: HashMap<usize, Vec<usize>>,
 }
 
@@ -151,13 +152,13 @@ impl<'a> Ours<'a> {
         &self.system.surfaces.geoms[number]
     }
 
-    /// First collider of a static surface, if all its geoms are in the scene.
+    /// Returns the first collider of a static surface, if all of the surface's geoms are in the scene.
     fn stands(&self, number: usize) -> Option<&Collider> {
         let places = self.colliders.get(&number).filter(|places| places.len() >= self.surface(number).geoms.len())?;
         places.first().map(|place| &self.scene.colliders[*place])
     }
 
-    /// Contact properties of two surfaces, if they touch.
+    /// Returns the contact properties of two surfaces, given by index, if they touch.
     fn touch(&self, [a, b]: [usize; 2]) -> Option<Touch> {
         let law = self.system.surfaces.between(a, b)?;
         let (own, other) = if self.surface(a).still { (b, a) } else { (a, b) };
@@ -169,7 +170,7 @@ impl<'a> Ours<'a> {
         Some(Touch { condim: law.condim, friction, margin: material.margin })
     }
 
-    /// Why two surfaces that may touch do not.
+    /// Says why two surfaces do not touch here although the file's rules let them.
     fn lacks(&self, pair: [usize; 2]) -> &'static str {
         let may = self.system.surfaces.between(pair[0], pair[1]).is_some();
         let lost = |still: bool| {
@@ -189,7 +190,7 @@ impl<'a> Ours<'a> {
 /// Contact properties of two surfaces.
 struct Touch {
     condim: i64,
-    /// Sliding, torsional, rolling.
+    /// Friction coefficients: sliding, torsional (m) and rolling (m).
     friction: [f64; 3],
     margin: f64,
 }
@@ -201,7 +202,8 @@ impl From<&PairLaw> for Touch {
 }
 
 impl Touch {
-    /// The first difference from MuJoCo; friction counts up to the contact's dimension.
+    /// Describes the first difference from MuJoCo's contact `theirs`. Compares only the friction coefficients that
+    /// MuJoCo's contact dimension uses.
     fn differs(&self, theirs: &Law) -> Option<String> {
         if self.condim != theirs.condim {
             return Some(format!("condim {} here, {}", self.condim, theirs.condim));

@@ -1,6 +1,6 @@
 //! Plays an exported policy in MuJoCo (sim-to-sim). The Python process has the ONNX, the contract and an MJCF, and
-//! computes observations, actions and torques by itself. MuJoCo's states go through the task here, which computes
-//! rewards and terminations. Observations and torques are compared with the task's at the same states.
+//! computes observations, actions and torques by itself. The task here computes rewards and terminations from MuJoCo's
+//! states. Python's observations and torques are compared with the task's at the same states.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -14,7 +14,7 @@ use super::referee::{Python, all_to_mujoco};
 use super::{settings::Settings, solver::take};
 use crate::prelude::*;
 
-/// Time step of MuJoCo (s): our contact is stiff on light links and diverges at 5e-4 s.
+/// Time step of MuJoCo (s). At 5e-4 s our contact diverges, since it is stiff for light links.
 const STEP: f64 = 1e-4;
 
 const PLAYER: &str = concat!(include_str!("model.py"), include_str!("player.py"));
@@ -22,7 +22,7 @@ const PLAYER: &str = concat!(include_str!("model.py"), include_str!("player.py")
 /// The model that MuJoCo simulates.
 #[derive(Clone, Copy)]
 pub enum Model<'a> {
-    /// Written by us, with our contact translated.
+    /// The MJCF that we write, with our contact parameters translated to MuJoCo's.
     Ours,
     /// The robot's MJCF with its own contact, solver settings, actuators and ground.
     File(&'a Path),
@@ -32,11 +32,11 @@ pub enum Model<'a> {
 pub struct Played {
     pub versions: String,
     pub games: Vec<Game>,
-    /// Episodes that ended in a terminal state.
+    /// Number of episodes that ended in a terminal state.
     pub fallen: usize,
     pub settings: Settings,
-    /// Largest differences of observations and torques from the task's, and of actions from the policy's at the task's
-    /// observations. Relative to the largest number of the kind, at least 1.
+    /// Largest differences of Python's observations, actions and torques from ours at the same states. Each is divided
+    /// by the largest value of our vector, or by 1 if that is smaller.
     pub apart: Gaps,
 }
 
@@ -47,17 +47,18 @@ pub struct Gaps {
     pub torque: f64,
 }
 
-/// Torques and the state after them, by environment; `None` if the episode has ended or MuJoCo gave it up.
+/// Torques and the state after them, by environment. The outer `None` means that the episode has ended, the inner that
+/// MuJoCo gave it up.
 type Frame = Vec<Option<(Vec<f64>, Option<Vec<f64>>)>>;
 
-/// Frames from MuJoCo that are not replayed yet, and the largest torque difference.
+/// MuJoCo's frames that are not replayed yet, and the largest difference of its torques from the task's.
 #[derive(Default)]
 struct Heard {
     frames: std::collections::VecDeque<Frame>,
     torque: f64,
 }
 
-/// Replays MuJoCo's frames as a solver; ended episodes stay in place.
+/// A solver that replays MuJoCo's frames; environments whose episode has ended keep their state.
 struct Hearsay(Arc<Mutex<Heard>>, Vec<f64>);
 
 impl Solver for Hearsay {
@@ -80,27 +81,27 @@ impl Solver for Hearsay {
         commit(batch, &mut self.1, &mut faults)
     }
 
-    /// Servos run inside MuJoCo.
+    /// Accepts drives: MuJoCo simulates them.
     fn capabilities(&self) -> Capabilities {
         Capabilities { drives: true, ..Capabilities::default() }
     }
 }
 
-/// A plane as a MuJoCo geom, and its normal and offset for comparison.
+/// Describes a plane as JSON: the pose of a MuJoCo geom, and its normal and offset (m).
 fn ground(plane: &Plane) -> serde_json::Value {
     let turn = rotation_from(&Vector3::z_axis(), &plane.normal);
     let place = plane.normal * plane.offset;
     json!({ "pos": place.as_slice(), "quat": [turn.w, turn.i, turn.j, turn.k], "normal": plane.normal.as_slice(), "offset": plane.offset })
 }
 
-/// Largest difference, relative to the largest number of `ours`, at least 1.
+/// Returns the largest difference, divided by the largest absolute value of `ours`, or by 1 if that is smaller.
 fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
     let most = ours.iter().fold(1.0, |most: f64, x| most.max(x.abs()));
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs() / most).fold(0.0, f64::max)
 }
 
-/// Plays one episode in each of `episodes`, from its start, with the policy in the file `onnx`. Their solver must be
-/// analytic or unstepped.
+/// Plays one episode in each environment of `episodes`, from its start, with the policy in the file `onnx`. The solver
+/// of `episodes` must be analytic, or not have been stepped.
 pub fn play(
     python: &Path,
     model: Model,

@@ -1,5 +1,5 @@
 //! MuJoCo as a reference engine on the same robot. It is optional: a Python with MuJoCo is started on demand, receives
-//! a model and starts, and returns states.
+//! a model and start states, and returns rollouts.
 
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -14,7 +14,7 @@ use crate::prelude::*;
 
 pub(super) const REFEREE: &str = include_str!("referee.py");
 const WARP: &str = include_str!("warp.py");
-/// Value of every coordinate of a state that MuJoCo has given up; above the divergence bound.
+/// Value of every coordinate of a state that MuJoCo has given up. It lies above the bound for divergence.
 const GONE: f64 = 2e5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -29,31 +29,32 @@ pub enum Scheme {
 }
 
 pub struct Played {
-    /// States of all starts by frame, `[frame][start * state]` as in a batch; [`GONE`] once MuJoCo gives one up.
+    /// States by frame, `[frame][start * state]` as in a batch. A rollout that MuJoCo gives up is [`GONE`] from then
+    /// on.
     pub frames: Vec<Vec<f64>>,
-    /// Wall time (s): all starts on one core, the fastest of a few runs, or all worlds on a GPU. `None` if not timed,
-    /// or if MuJoCo gave up a world.
+    /// Wall time (s) of the rollouts. On the CPU: all starts on one core, the fastest of a few runs; on a GPU: all
+    /// worlds. `None` if not timed, or if MuJoCo gave up a world.
     pub seconds: Option<f64>,
 }
 
-/// MuJoCo on one model and one set of starts, under changing settings.
+/// Rolls out one model in MuJoCo from one set of start states, at the settings given to `play`.
 pub struct Referee {
     pub version: String,
-    /// Worlds of a timed run on a GPU.
+    /// Number of worlds stepped together in a timed run on a GPU; 0 on the CPU.
     worlds: usize,
     robot: Robot,
     pub(super) python: Python,
 }
 
 impl Referee {
-    /// Starts `python` to roll out `frames` frames from the states of a batch, with its drives. Drives must be equal in
-    /// all environments. Robot and scene are the first environment's; joint velocity limits are ignored.
+    /// Starts `python` to roll out `frames` frames from the states of a batch, with the batch's drives. Drives must be
+    /// equal in all environments. Robot and scene are the first environment's; joint velocity limits are ignored.
     pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::held(python, batch, frames, None, None)
     }
 
-    /// As `new`, with drives following the targets of `held`. With `worlds`, MuJoCo Warp (f32 on a GPU, its own contact
-    /// settings) steps this many worlds together in timed runs.
+    /// Works like `new`, but the drives follow the targets of `held`. With `worlds`, MuJoCo Warp (f32 on a GPU, its own
+    /// contact settings) steps this many worlds together in timed runs.
     pub fn held(
         python: &Path,
         batch: &Batch,
@@ -82,7 +83,7 @@ impl Referee {
         self.python.child.id()
     }
 
-    /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
+    /// Rolls out all starts with `substeps` steps of `integrator` a frame.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
         type States = Vec<Vec<Option<Vec<f64>>>>;
         let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed, "worlds": self.worlds });
@@ -95,10 +96,10 @@ impl Referee {
     }
 }
 
-// Layouts differ only for a free root: ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p x w]` in world axes.
-// MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
+// Our states differ from MuJoCo's only for a floating root. Ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p
+// x w]` in world axes. MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
 
-/// `[qpos, qvel]` of a state `[q, qd]`.
+/// Converts a state `[q, qd]` to MuJoCo's `[qpos, qvel]`.
 pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     let mut out = state.to_vec();
     if robot.floating() {
@@ -113,12 +114,12 @@ pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     out
 }
 
-/// The same of every environment of a batch.
+/// Converts the states `[q, qd]` of all environments to MuJoCo's `[qpos, qvel]`.
 pub fn all_to_mujoco(batch: &Batch) -> Vec<Vec<f64>> {
     (0..batch.len()).map(|env| to_mujoco(&batch.system.robot, batch.state(env))).collect()
 }
 
-/// State `[q, qd]` of `[qpos, qvel]`, with angles of unlimited joints wrapped.
+/// Converts MuJoCo's `[qpos, qvel]` to a state `[q, qd]`, with angles of unlimited joints wrapped.
 pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     let mut out = state.to_vec();
     if robot.floating() {
@@ -159,7 +160,7 @@ impl Python {
         Ok(Self { child, input, output: BufReader::new(output) })
     }
 
-    /// A MuJoCo with a model (`mjcf` or `path`) and its time step, and without starts.
+    /// Starts MuJoCo with a `model` (`mjcf` or `path`, and `frame_time`), without start states.
     pub fn of_model(python: &Path, mut model: Value) -> Result<Self> {
         model["frames"] = json!(0);
         model["starts"] = json!([]);
@@ -169,7 +170,7 @@ impl Python {
     }
 
     pub fn ask<A: DeserializeOwned>(&mut self, question: &Value) -> Result<A> {
-        // A process that has ended left its error on standard output.
+        // Ignores a failed write: a process that has ended left its error on standard output, which is read next.
         let _ = writeln!(self.input, "{question}");
         let mut line = String::new();
         self.output.read_line(&mut line).context("cannot hear MuJoCo")?;

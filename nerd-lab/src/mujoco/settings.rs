@@ -2,8 +2,8 @@
 
 use crate::prelude::*;
 
-/// Settings of a run. Contact parameters are of contacts with the world that occurred, as `[lowest, highest]`; empty
-/// without contact.
+/// Settings of a MuJoCo run. Contact parameters are the `[lowest, highest]` over all contacts with the world that
+/// occurred. They are empty if nothing touched the world.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Settings {
     /// Time step (s).
@@ -12,25 +12,25 @@ pub struct Settings {
     pub cone: String,
     pub solver: String,
     pub impratio: f64,
-    /// World axes (m/s^2).
+    /// Gravity in world axes (m/s^2).
     pub gravity: [f64; 3],
-    /// Dimensions of contacts.
+    /// Dimensions (`condim`) of the contacts.
     pub condim: Vec<u32>,
-    /// Sliding friction coefficient.
+    /// Sliding friction coefficients of the contacts.
     pub friction: Vec<[f64; 2]>,
     pub solref: Vec<[f64; 2]>,
     pub solimp: Vec<[f64; 2]>,
-    /// By joint, including actuator rotors (kg m^2 or kg).
+    /// Armature of each joint, including actuator rotors (kg m^2 or kg).
     pub armature: Vec<f64>,
-    /// What actions set: torques, or targets of the file's position actuators.
+    /// What the policy's actions set: torques, or targets of the file's position actuators.
     pub control: String,
-    /// Whether links touched each other.
+    /// Whether links of the robot touched each other in the run.
     pub self_contact: bool,
     pub ground: String,
 }
 
 impl Settings {
-    /// Differences from other settings, each with both values.
+    /// Lists the settings that differ from `other`, each with both values.
     pub fn differences(&self, other: &Self) -> Vec<String> {
         let mine = self.words();
         let theirs = other.words();
@@ -38,7 +38,7 @@ impl Settings {
         pairs.map(|((word, a), (_, b))| format!("{word} {a} and {b}")).collect()
     }
 
-    /// All settings, in words.
+    /// Lists the name and value of each setting.
     pub fn list(&self) -> Vec<String> {
         self.words().into_iter().map(|(word, text)| format!("{word} {text}")).collect()
     }
@@ -68,7 +68,7 @@ impl Settings {
     }
 }
 
-/// Three significant digits.
+/// Writes a number with three significant digits.
 fn number(x: f64) -> String {
     format!("{x:.2e}").parse::<f64>().unwrap_or(x).to_string()
 }

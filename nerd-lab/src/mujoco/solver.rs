@@ -1,5 +1,5 @@
-//! MuJoCo as a solver, for the stability suite: the robot and scene as our MJCF, with MuJoCo's default contacts and our
-//! friction of each pair. A chart plays whole rollouts instead ([`super::Referee`]), without Python's time.
+//! MuJoCo as a solver for the stability suite. It loads the MJCF that we write, with MuJoCo's default contacts and our
+//! friction of each pair. Charts use [`super::Referee`] instead, which times whole rollouts without Python's share.
 
 use nerd_sim::solver::{Fault, check, commit};
 use serde_json::json;
@@ -7,7 +7,7 @@ use serde_json::json;
 use super::referee::{Python, Scheme, all_to_mujoco, from_mujoco};
 use crate::prelude::*;
 
-/// One MuJoCo model for all environments of a batch: the same scene, no drives.
+/// Steps all environments of a batch with one MuJoCo model; they must share a scene and have no drives.
 pub struct Mujoco {
     python: PathBuf,
     substeps: usize,
@@ -15,7 +15,7 @@ pub struct Mujoco {
 }
 
 impl Mujoco {
-    /// `substeps` steps a frame with the `implicitfast` integrator, in a `python` with MuJoCo.
+    /// Makes a solver of `substeps` `implicitfast` steps a frame. `python` is the path of a Python that has MuJoCo.
     pub fn new(python: &Path, substeps: usize) -> Self {
         Self { python: python.into(), substeps, world: None }
     }
@@ -60,7 +60,7 @@ impl Solver for Mujoco {
     }
 }
 
-/// Stores MuJoCo's state of an environment in `states`; without a state, adds a fault.
+/// Stores MuJoCo's `state` of environment `env` in `states`; if MuJoCo gave it up, adds a fault.
 pub(super) fn take(batch: &Batch, env: usize, state: Option<Vec<f64>>, states: &mut [f64], faults: &mut Vec<Fault>) {
     let robot = &batch.system.robot;
     let d = batch.system.robot.state_dim();

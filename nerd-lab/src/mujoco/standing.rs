@@ -1,4 +1,4 @@
-//! MuJoCo's final state of a robot whose joints are held by drives, from the robot's own file.
+//! Simulates a robot's own file in MuJoCo, with joints held by drives, to find where the robot comes to rest.
 
 use serde_json::json;
 
@@ -8,8 +8,8 @@ use crate::prelude::*;
 /// Time step of MuJoCo (s).
 const STEP: f64 = 5e-4;
 
-/// MuJoCo's state after `seconds` from `state`, for the MJCF at `path`. `drives` hold the joints; its own actuators are
-/// off. The ground is the file's, or else a plane of MuJoCo's defaults.
+/// Simulates the MJCF at `path` in MuJoCo for `seconds` from `state`, and returns the final state. `drives` hold the
+/// joints; the file's own actuators are off. A file without ground gets a plane with MuJoCo's default contact.
 pub fn stand(
     python: &Path,
     path: &Path,

@@ -1,4 +1,4 @@
-//! HTML parts of the page.
+//! HTML parts of the report page.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ impl Section {
     }
 }
 
-/// A table that sorts by a clicked column.
+/// Renders a table as HTML whose rows are sorted by clicking a column.
 pub fn table(table: &Table) -> String {
     let row =
         |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escape(c))).collect::<String>();
@@ -35,7 +35,7 @@ pub fn from(name: &str, provenance: &Provenance) -> String {
     format!("<p class=from>results/{}: {}</p>", escape(name), escape(&provenance.to_string().replace('`', "")))
 }
 
-/// A result's tables with these names, and its provenance; empty if the result is missing.
+/// Renders the named tables of a result, and its provenance; empty if the result is missing.
 pub fn result(results: &Path, name: &str, tables: &[&str]) -> String {
     let Ok(result) = Artifact::read(results, name) else { return String::new() };
     let shown: String = tables.iter().filter_map(|name| result.table(name)).map(table).collect();
@@ -51,7 +51,7 @@ pub fn picture(results: &Path, file: &str) -> String {
     if svg.is_empty() { svg } else { format!("<div class=picture>{svg}</div>") }
 }
 
-/// A replay that plays while visible, with additional HTML.
+/// Renders a replay that plays while visible, with the HTML `more` below it.
 pub fn card(name: &str, replay: &Replay, more: &str) -> String {
     let motion = format!("<div class=motion><script type=application/json>{}</script></div>", script(replay));
     format!("<div class=card><h3>{name}</h3>{motion}{more}</div>")

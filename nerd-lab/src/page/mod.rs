@@ -1,5 +1,5 @@
-//! The report page: all results of a folder, and motions computed on the spot. It is self-contained, so it can be sent
-//! and kept.
+//! The report page: all results of a folder, and motions rolled out while the page is written. The HTML file is
+//! self-contained, so it can be sent and kept.
 
 mod html;
 pub mod motions;
@@ -38,7 +38,8 @@ const TASKS: [&str; 8] = [
 /// Number of motions on the page, for a progress bar.
 pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
 
-/// Writes the page of the results in a folder, with motions of `frames` frames; `bar` counts up to [`MOTIONS`].
+/// Writes the report page of the folder `results` to `out`, with motions of `frames` frames. `bar` counts finished
+/// motions up to [`MOTIONS`].
 pub fn page(frames: usize, results: &Path, out: &Path, bar: &Bar) -> Result<()> {
     let manifest = Manifest::read(results)?;
     let asked = ROBOTS.into_iter().chain(TASKS.map(|task| (task, Cause::Policy(task))));

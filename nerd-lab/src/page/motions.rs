@@ -1,4 +1,5 @@
-//! Replays of motions, each in a model and in its truth: passive, driven as in the data, or under a policy.
+//! Replays motions in a learned model and in its truth, the solver that made the model's dataset. Motions are passive,
+//! driven by random torques as in the dataset, or controlled by a policy.
 
 use nerd_model::solver::learned;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
@@ -9,10 +10,10 @@ use nerd_train::shipped::{model, policies};
 
 use crate::{prelude::*, roll::begun};
 
-/// Seed that no data set uses, so no model has learned its motions.
+/// Seed that no dataset uses: no model was trained on its motions.
 const UNSEEN: u64 = 500;
 
-/// Names and solvers of a model and of its truth.
+/// Loads the solvers of a model and of its truth, each with its name.
 fn model_and_truth(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
     let truth = ModelConfig::truth_of(model)?;
     let model = learned(Model::load(model, system, None)?, system)?;
@@ -22,7 +23,7 @@ fn model_and_truth(system: &Arc<System>, model: &Path) -> Result<[(String, Box<d
 /// What moves the robot of a replay.
 #[derive(Clone, Copy)]
 pub enum Cause {
-    /// Nothing: passive motion in this scene.
+    /// No torques: a passive motion in the named scene.
     Release(&'static str),
     /// Torques, start and scene drawn as for the training data, from the seed `UNSEEN`.
     Data,
@@ -30,7 +31,8 @@ pub enum Cause {
     Policy(&'static str),
 }
 
-/// Replays a shipped robot, in its shipped model and in the truth. A `Cause::Policy` ignores `robot`: its task has one.
+/// Replays a shipped robot in its shipped model and in the truth, for `frames` frames or policy steps. A
+/// `Cause::Policy` ignores `robot` and takes the task's robot.
 pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     match cause {
         Cause::Release(scene) => passive(robot, scene, &model(Truth::default(), robot), frames, 3),
@@ -46,7 +48,7 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     }
 }
 
-/// Replays the passive motions in a model and in its truth from one start, drawn from the robot's reset ranges.
+/// Replays a passive motion in a model and in its truth. Both begin at one state, drawn from the robot's reset ranges.
 pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let batch = begun(&system, &system.scene(scene)?, 1, Start::Reset, seed);
@@ -54,8 +56,8 @@ pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64)
     side_by_side(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
 }
 
-/// Replays a motion in a model and in its truth, driven as in the model's data. Start and scene are the first that
-/// [`begin`] draws from `seed`, torques the first that [`record`] draws.
+/// Replays in a model and in its truth a motion driven by random torques, as in the model's dataset. [`begin`] draws
+/// the start and scene from `seed`, and [`record`] draws the torques.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
@@ -65,7 +67,7 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     side_by_side(&title, &batch, model, &recording.torques, frames)
 }
 
-/// Rolls out a model and its truth from one start, under `torques[frame][joint]` (N m or N).
+/// Rolls out a model and its truth from one start state, under `torques[frame][joint]` (N m or N).
 fn side_by_side(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
     let system = &start.system;
     let mut replay = Replay::new(title, start, system.frame_time);

@@ -1,4 +1,4 @@
-//! Sections of the page.
+//! Sections of the report page, as HTML.
 
 use std::path::Path;
 
@@ -39,7 +39,7 @@ pub fn robots(results: &Path, names: &[&str], replays: &[Replay]) -> Section {
     )
 }
 
-/// Speed against accuracy: a chart for each scene with one.
+/// Shows the speed-accuracy chart of each result named `chart-*`.
 pub fn charts(manifest: &Manifest, results: &Path) -> Section {
     let chart = |name: &str| format!("<div class=card>{}</div>", picture(results, &format!("{name}/figure.svg")));
     let names = manifest.artefact.iter().map(|entry| entry.name.as_str()).filter(|name| name.starts_with("chart-"));
@@ -51,7 +51,7 @@ pub fn charts(manifest: &Manifest, results: &Path) -> Section {
     )
 }
 
-/// Stability maps: each row with its question, reason and results.
+/// Shows the stability maps: a row has its results, and as a tooltip its question and reason.
 pub fn stability(manifest: &Manifest, results: &Path) -> Section {
     let map = |name: &str, about: &str| {
         let found = Artifact::read(results, name).ok()?;
@@ -83,7 +83,7 @@ fn row(line: &Line) -> String {
     format!("<tr title=\"{why}\"><td>{}</td><td>{}</td>{cells}</tr>", escape(&line.row), digits(line.limit))
 }
 
-/// Results of the strict protocol, and a policy of each task in motion.
+/// Shows the result `fresh` and a replay of one policy of each task.
 pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
     let cards: String = tasks.iter().zip(replays).map(|(task, replay)| card(task, replay, "")).collect();
     let each = folded("Every seed", &result(results, "fresh", &["fresh", "policies"]));
@@ -95,7 +95,7 @@ pub fn policies(results: &Path, tasks: &[&str], replays: &[Replay]) -> Section {
     )
 }
 
-/// Every result with its tables, status and provenance.
+/// Shows every result with its tables, status and provenance.
 pub fn everything(manifest: &Manifest, results: &Path) -> Section {
     let one = |entry: &Entry| {
         let status = entry.status(results);

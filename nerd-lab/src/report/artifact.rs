@@ -7,13 +7,13 @@ use super::{Provenance, names, read_json, write_json};
 use crate::prelude::*;
 use nerd_sim::files::{has_keys, unclaimed};
 
-/// A result. In JSON the data lie beside the other fields.
+/// A result. In JSON, the entries of `data` stand beside the other fields.
 #[derive(Serialize, Deserialize)]
 pub struct Artifact {
     pub provenance: Provenance,
     #[serde(default)]
     pub inputs: Inputs,
-    /// Size of the measurement, such as rollouts times frames. A result is replaced only by one with at least this
+    /// Size of the measurement, such as rollouts times frames. A result is replaced only by a result of at least this
     /// effort.
     #[serde(default)]
     pub effort: f64,
@@ -44,7 +44,7 @@ impl Artifact {
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         may_write(folder, name, &self.provenance, self.effort)?;
         let path = file(folder, name);
-        // Written first: it marks the folder as ours.
+        // Writes `result.json` first: it marks the folder as a result of this project.
         write_json(&path, self)?;
         if !self.tables.is_empty() {
             let tables = self.tables.iter().map(Table::markdown).collect_vec();
@@ -57,8 +57,8 @@ impl Artifact {
     }
 }
 
-/// Refuses to replace a result by a weaker one: with less effort, or, in the project's own folder, from a checkout with
-/// changed files in place of a clean one. Call it before measuring.
+/// Refuses to replace a result by a weaker one; call it before measuring. Weaker means less effort. In the project's
+/// own folder, a checkout with changed files is also weaker than a clean one.
 pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64) -> Result<()> {
     if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\']) {
         bail!("--name `{name}`: a result's folder is named by letters and digits; --out says where it is");
@@ -89,16 +89,16 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     Ok(())
 }
 
-/// Rows under a header. Cells are text for readers; the numbers are in the artefact's data.
+/// A table of rows under a header. Cells are text for readers; exact numbers are in the result's data.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Table {
-    /// One word; documents refer to the table by it.
+    /// One word by which documents refer to the table.
     pub name: String,
-    /// What the columns do not say: protocol, units.
+    /// Text below the table: protocol, units.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub note: String,
     pub header: Vec<String>,
-    /// One cell for each column.
+    /// Rows, each with one cell for each column.
     pub rows: Vec<Vec<String>>,
 }
 
@@ -108,7 +108,7 @@ impl Table {
         Self { name: name.into(), header, ..Self::default() }
     }
 
-    /// Sets the rows; characters that would end a cell or a line are replaced.
+    /// Sets the rows; replaces characters that would end a Markdown cell or line.
     pub fn with(mut self, rows: impl IntoIterator<Item: IntoIterator<Item = String>>) -> Self {
         let cell = |text: String| text.replace('|', "/").split('\n').map(str::trim).join(" ");
         self.rows = rows.into_iter().map(|row| row.into_iter().map(cell).collect()).collect();
@@ -126,16 +126,16 @@ impl Table {
         self
     }
 
-    /// An aligned Markdown table with its note below.
+    /// Writes an aligned Markdown table with its note below.
     pub fn markdown(&self) -> String {
         let header = self.header.iter().map(String::as_str).collect_vec();
         let note = if self.note.is_empty() { String::new() } else { format!("\n{}\n", self.note) };
         markdown(&header, &self.rows) + &note
     }
 
-    /// Rows as objects. The first column holds names. In a column of numbers alone, `2.1` is a number; `1.2 / 3.4`,
-    /// `1.2 +- 3.4` and `1.2 ± 3.4` are lists; `-` and non-finite values are null. A cell with words, such as
-    /// `under 0.01`, makes its whole column text.
+    /// Converts rows to JSON objects. The first column holds names. In a column of numbers alone, `2.1` becomes a
+    /// number. `1.2 / 3.4`, `1.2 +- 3.4` and `1.2 ± 3.4` become lists; `-` and non-finite values become null. A cell
+    /// with words, such as `under 0.01`, makes its whole column text.
     pub fn json(&self) -> Value {
         let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
         let counts = (0..self.header.len()).map(counts).collect_vec();
@@ -151,7 +151,7 @@ impl Table {
     }
 }
 
-/// The numbers of a cell in printed form; `None` for text, such as the name `007`.
+/// Parses a cell's numbers; `None` for text, such as the name `007`.
 fn numbers(cell: &str) -> Option<Vec<f64>> {
     let number = |part: &str| {
         let digits = part.trim_start_matches(['+', '-']).as_bytes();
@@ -162,7 +162,7 @@ fn numbers(cell: &str) -> Option<Vec<f64>> {
     cell.split(" / ").flat_map(|part| part.split(" +- ")).flat_map(|part| part.split(" ± ")).map(number).collect()
 }
 
-/// A cell, or a dash if there is none.
+/// Returns the cell's text, or a dash for `None`.
 pub fn or_dash(cell: Option<impl ToString>) -> String {
     cell.map_or_else(|| "-".into(), |cell| cell.to_string())
 }

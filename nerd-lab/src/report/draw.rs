@@ -13,8 +13,8 @@ const TITLE: u32 = 34;
 const LEGEND_LINE: u32 = 22;
 /// Font of axes, levels and legend, with its size (px).
 const FONT: (&str, i32) = ("sans-serif", 13);
-/// Colours of named series in order: Okabe and Ito's without yellow, distinguishable with colour blindness, and a grey
-/// and a brown.
+/// Colours of named series, in order. They are Okabe and Ito's, which colour-blind readers can tell apart, without
+/// yellow, and a grey and a brown.
 const COLOURS: [RGBColor; 9] = [
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -90,7 +90,7 @@ impl Panel {
         let points = || self.series.iter().flat_map(|s| &s.points);
         let x = self.x.range(points().map(|p| p.x));
         let y = self.y.range(points().map(|p| p.y).chain(self.levels.iter().map(|l| l.0)));
-        // Each combination of scales has its own type.
+        // Calls `draw_on` for each combination of scales, which has its own type.
         match (self.x.log, self.y.log) {
             (false, false) => self.draw_on(area, names, x.clone(), y, x),
             (false, true) => self.draw_on(area, names, x.clone(), y.log_scale(), x),
@@ -99,8 +99,8 @@ impl Panel {
         }
     }
 
-    /// Draws axes, levels and series. `across` and `up`: scales of the axes, linear or logarithmic. `x`: range of the
-    /// horizontal axis, over which a level is drawn.
+    /// Draws axes, levels and series. `across` and `up` are the scales of the axes, linear or logarithmic. `x` is the
+    /// range of the horizontal axis, over which levels are drawn.
     fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, x: Range<f64>) -> Drawn
     where
         X: AsRangedCoord<Value = f64>,

@@ -15,9 +15,9 @@ pub struct Figure {
 pub struct Panel {
     pub x: Axis,
     pub y: Axis,
-    /// In drawing order, the first at the bottom.
+    /// Series in drawing order: later ones cover earlier ones.
     pub series: Vec<Series>,
-    /// Dashed horizontal lines: y and name.
+    /// Dashed horizontal lines, as (y, name).
     pub levels: Vec<(f64, String)>,
 }
 
@@ -27,7 +27,7 @@ pub struct Axis {
     pub log: bool,
 }
 
-/// Connected points. Series with equal names share a colour and a legend entry.
+/// A line through points. Series with equal names share a colour and a legend entry.
 #[derive(Clone, Debug)]
 pub struct Series {
     /// An empty name makes a grey series without legend entry.
@@ -40,7 +40,7 @@ pub struct Series {
 pub struct Point {
     pub x: f64,
     pub y: f64,
-    /// Text beside the mark.
+    /// Text beside the point's mark.
     pub label: String,
 }
 
@@ -52,13 +52,13 @@ pub enum Style {
     Marked,
 }
 
-/// A solver at one setting, in a figure of error against cost.
+/// Point of a solver at one setting, in a figure of error against cost.
 pub struct Mark<'a> {
     pub series: &'a str,
     pub cost: f64,
     pub error: f64,
     pub label: String,
-    /// Whether it is one of [`unbeaten`].
+    /// Whether the mark is on the Pareto front ([`unbeaten`]).
     pub front: bool,
 }
 
@@ -71,7 +71,8 @@ impl Figure {
         Self::single(title, Panel { x, y, series, ..Panel::default() })
     }
 
-    /// Error against cost, with the labels of both axes. Each series is a line; a staircase connects the front.
+    /// Plots error against cost, both logarithmic; `axes` labels them. Each series is a line; a grey staircase connects
+    /// the Pareto front.
     pub fn speed<'a>(
         title: String,
         axes: [String; 2],
@@ -113,7 +114,7 @@ impl Axis {
         Self { label: label.into(), ..Self::default() }
     }
 
-    /// Logarithmic: values not above 0 are omitted.
+    /// Makes a logarithmic axis: values not above 0 are omitted.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), log: true }
     }
@@ -122,7 +123,7 @@ impl Axis {
         value.is_finite() && (!self.log || value > 0.0)
     }
 
-    /// Range of all shown values, with a margin.
+    /// Returns the range of the shown `values`, with a margin.
     pub(super) fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
         let (low, high) =
             values.filter(|v| self.shows(*v)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -130,7 +131,7 @@ impl Axis {
         match (none, self.log) {
             (true, true) => 0.1..10.0,
             (true, false) => 0.0..1.0,
-            // Whole decades, at least one: ticks are at powers of ten.
+            // Extends a narrow range to whole decades, at least one, since ticks are at powers of ten.
             (false, true) if high / low < 30.0 => {
                 10f64.powf(low.log10().floor())..10f64.powf(high.log10().ceil().max(low.log10().floor() + 1.0))
             }
@@ -148,8 +149,8 @@ impl Axis {
     }
 }
 
-/// The Pareto front of (cost, error): true if no other is at most as large in both and smaller in one. False for
-/// `None`, which does not compete.
+/// Marks the Pareto front of (cost, error). An entry is on it if no other is at most as large in both and smaller in
+/// one. `None` is never on it.
 pub fn unbeaten(race: &[Option<(f64, f64)>]) -> Vec<bool> {
     let beats = |a: (f64, f64), b: (f64, f64)| a.0 <= b.0 && a.1 <= b.1 && (a.0 < b.0 || a.1 < b.1);
     race.iter().map(|own| own.is_some_and(|own| !race.iter().flatten().any(|other| beats(*other, own)))).collect()

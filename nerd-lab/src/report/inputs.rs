@@ -1,7 +1,7 @@
 //! A result's inputs, identified by content so that a later check can tell whether the result still holds.
 //!
-//! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout. A
-//! renamed file changes nothing, a changed step does.
+//! Robots, models, policies and datasets are identified by SHA-256, solvers by the final state of a short rollout. A
+//! solver counts as changed only if its steps change, not if its files are renamed.
 
 use crate::prelude::*;
 use nerd_train::shipped::{from_root, root};
@@ -10,21 +10,23 @@ use crate::error;
 use crate::roll::{begun, rolled};
 use sha2::{Digest, Sha256};
 
-/// Frames of the rollout that identifies a solver: enough to fall, touch and bend, too few for rounding to grow.
+/// Frames of the rollout that identifies a solver. They suffice for falling and contact, and are too few for rounding
+/// to grow.
 const FRAMES: usize = 40;
-/// Largest difference between two machines' final states, relative to the largest coordinate (at least 1).
+/// Largest relative difference at which two final states count as equal, since machines differ by rounding. It is
+/// relative to the largest coordinate, or to 1 if that is smaller.
 const SAME: f64 = 1e-6;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Input {
-    /// A robot with its starts, drives and controller ([`System::sha256`]).
+    /// A robot with its start ranges, drives and controller ([`System::sha256`]).
     Robot { name: String, sha256: String },
-    /// A model: its folder relative to the workspace, and a hash of all that affects predictions.
+    /// A model: its folder relative to the workspace, and a hash of all that affects its predictions.
     Model { folder: String, sha256: String },
     /// A policy: its folder relative to the workspace, and a hash of its files.
     Policy { folder: String, sha256: String },
-    /// A solver, by the state that it takes a robot to from the first start of its reset law.
+    /// A solver, identified by the final `state` of a short rollout of the robot from a fixed start.
     Motion { robot: String, scene: String, solver: SolverSpec, state: Vec<f64> },
     /// Data from outside the repository.
     Data { name: String, sha256: String },
@@ -44,7 +46,7 @@ impl Input {
         Ok(Self::Policy { folder: from_root(folder), sha256: of_files(&files)? })
     }
 
-    /// Data files from outside the repository, in this order.
+    /// Identifies data files from outside the repository by their content, in this order.
     pub fn files(name: &str, files: &[PathBuf]) -> Result<Self> {
         Ok(Self::Data { name: name.into(), sha256: of_files(files)? })
     }
@@ -61,7 +63,7 @@ impl Input {
         })
     }
 
-    /// The present version of this input; `None` for data from outside.
+    /// Identifies this input again as it is now; `None` for data from outside the repository.
     pub fn now(&self) -> Result<Option<Self>> {
         Ok(match self {
             Self::Robot { name, .. } => Some(Self::robot(&*System::named(name)?)),
@@ -72,7 +74,7 @@ impl Input {
         })
     }
 
-    /// Whether both are equal; motions up to rounding.
+    /// Whether two inputs are equal; final states of solvers may differ by rounding.
     pub fn same(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Motion { state: a, .. }, Self::Motion { state: b, .. }) => {
@@ -104,13 +106,13 @@ impl Inputs {
         }
     }
 
-    /// With the models in these folders.
+    /// Adds the models in these folders.
     pub fn models(&mut self, folders: &[PathBuf]) -> Result<()> {
         folders.iter().try_for_each(|folder| Input::model(folder).map(|model| self.add(model)))
     }
 
-    /// With what the figures of a solver in a scene depend on, as that is now; `robot` is the robot as
-    /// [`System::named`] knows it.
+    /// Adds what the results of a solver in a scene depend on: its model, or else its motion. `robot` is a name or path
+    /// for [`System::named`].
     pub fn solver(&mut self, spec: &SolverSpec, robot: &str, scene: &str) -> Result<()> {
         self.add(match spec.folder() {
             Some(folder) => Input::model(folder)?,
@@ -128,7 +130,7 @@ impl Inputs {
     }
 }
 
-/// SHA-256 of the concatenated files, in hex.
+/// Returns the SHA-256 of the concatenated files, in hex.
 fn of_files(files: &[PathBuf]) -> Result<String> {
     let mut all = Sha256::new();
     for path in files {

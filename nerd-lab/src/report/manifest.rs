@@ -1,4 +1,4 @@
-//! `results/manifest.toml`: every result with its command, and whether the result still holds.
+//! Reads `results/manifest.toml`, which lists every result with its command. Checks whether each result still holds.
 
 use super::artifact::{Artifact, file};
 use super::names;
@@ -19,13 +19,14 @@ pub struct Entry {
     pub about: String,
     /// The command that makes the result, without `cargo xtask`.
     pub command: String,
-    /// The command at the time of measurement, if it had another form.
+    /// The command that made the result, if the present `command` is written differently.
     #[serde(default)]
     pub made: Option<String>,
-    /// Kept as measured and never stale: making it again takes days on a GPU, or its inputs are lost.
+    /// Whether the result is kept as measured and never stale. Measuring it again would take days on a GPU, or its
+    /// inputs are lost.
     #[serde(default)]
     pub record: bool,
-    /// Why the result is outdated, until its command runs again.
+    /// Why the result is outdated; to be removed when its command has run again.
     #[serde(default)]
     pub stale: Option<String>,
 }
@@ -34,11 +35,11 @@ pub struct Entry {
 pub enum Status {
     /// Measured by its command on the present inputs.
     Current,
-    /// Kept as measured, at this commit.
+    /// Kept as measured at the given commit, without checking its inputs.
     Record(String),
     /// Measured on inputs that have changed; the manifest gives the reason.
     Stale(String),
-    /// Does not hold, for this reason.
+    /// Does not hold, for the given reason.
     Wrong(String),
 }
 
@@ -109,7 +110,7 @@ impl Entry {
     }
 }
 
-/// A command line without the parts that do not affect a result: the program's name, `--out` and `--json`.
+/// Removes the parts of a command line that do not affect a result: the program's name, `--out` and `--json`.
 fn plain(command: &str) -> String {
     let called =
         ["cargo xtask ", "python -m nerd ", "nerd "].into_iter().find_map(|program| command.strip_prefix(program));

@@ -1,4 +1,4 @@
-//! Figures in documents: marks name a result, and a command fills in the value.
+//! Numbers and tables in documents: marks name a result, and a command fills in its values.
 //!
 //! ```text
 //! <!--= ant-2048 /rows/0/report/error/0 -->0.0145<!--/-->     a number
@@ -24,7 +24,7 @@ impl Marks {
         Self { folder: folder.into(), read: BTreeMap::new() }
     }
 
-    /// A document with all figures and tables filled in from the results.
+    /// Returns a document with all marked numbers and tables filled in from the results.
     pub fn fill(&mut self, text: &str) -> Result<String> {
         let figures = between(text, FIGURE, |mark| self.figure(mark))?;
         between(&figures, TABLE, |mark| self.table(mark))
@@ -92,7 +92,8 @@ pub fn documents(root: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Decimal numbers of a document, with their lines, outside marks, code and links: their source is unknown.
+/// Finds decimal numbers of a document whose source is unknown: those outside marks, code and links. Returns (line,
+/// number).
 pub fn unmarked(text: &str) -> Vec<(usize, String)> {
     let mut found = Vec::new();
     let mut fenced = false;
@@ -109,7 +110,7 @@ pub fn unmarked(text: &str) -> Vec<(usize, String)> {
     found
 }
 
-/// A line without marked figures, comments, code and link targets.
+/// Removes marked numbers, comments, code and link targets from a line.
 fn bare(line: &str) -> String {
     let mut line = line.to_string();
     for (open, close) in [FIGURE, ("<!--", "-->"), ("`", "`"), ("](", ")"), ("https://", " ")] {

@@ -1,4 +1,4 @@
-//! Results and where they appear: provenance, inputs, tables, figures, documents.
+//! Results of experiments: provenance, inputs, tables, figures, and their use in documents.
 
 pub mod artifact;
 mod draw;
@@ -33,7 +33,7 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_str(&text).map_err(error::file(path))
 }
 
-/// Names of what is in a folder; none if it cannot be read.
+/// Names of the files and folders in a folder; empty if the folder cannot be read.
 pub fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.filter_map(|entry| entry.file_name().into_string().ok()).collect()

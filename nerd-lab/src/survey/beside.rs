@@ -7,30 +7,31 @@ use super::{each, stand};
 use crate::mujoco::{apart, compare};
 use crate::prelude::*;
 
-/// Random states for comparing accelerations.
+/// Number of random states at which accelerations are compared.
 const STATES: u64 = 100;
-/// Time for which free robots stand (s).
+/// Time for which floating robots stand (s) before their heights are compared.
 const STANDING: f64 = 1.0;
-/// Tolerance on the height difference after that time (m).
+/// Tolerance on the difference between our and MuJoCo's root height (m) after `STANDING`.
 const LEVEL: f64 = 3e-3;
-/// Tolerance on accelerations, relative.
+/// Tolerance on the relative difference between our and MuJoCo's accelerations.
 const ALIKE: f64 = 1e-6;
 
-/// Comparison of one file.
+/// Comparison of one robot file with MuJoCo's reading of it.
 struct Beside {
-    /// Largest difference of accelerations (relative).
+    /// Largest relative difference between our and MuJoCo's accelerations.
     apart: Result<f64, String>,
-    /// Numbers of moving bodies and of geom pairs that may touch; `None` for a URDF, which has no scene and no
+    /// Number of moving bodies, and number of geom pairs that may touch. `None` for a URDF, which has no scene and no
     /// friction.
     sizes: Option<[usize; 2]>,
-    /// Height above MuJoCo's standing pose (m) and angle to it (rad); `None` for a URDF or a robot that does not stand.
+    /// Root height above MuJoCo's after standing (m), and angle between both root orientations (rad). `None` for a URDF
+    /// or a robot that does not stand.
     stands: Option<Result<[f64; 2], String>>,
-    /// Differences of masses and contacts.
+    /// Descriptions of mass and contact differences.
     differences: Vec<String>,
 }
 
 impl Beside {
-    /// Compares a file; `why` converts an error to the text of its row.
+    /// Compares a file with MuJoCo's reading of it. `why` converts an error to the text of the file's row.
     fn of(
         Found { path, .. }: &Found,
         system: &Arc<System>,
@@ -50,12 +51,12 @@ impl Beside {
         self.differences.is_empty()
     }
 
-    /// Whether accelerations differ only by rounding.
+    /// Whether our and MuJoCo's accelerations differ only by rounding.
     fn alike(&self) -> bool {
         self.apart.as_ref().is_ok_and(|gap| *gap <= ALIKE)
     }
 
-    /// Height difference (mm) and angle of a robot that stands, or the error.
+    /// Writes the root's height above MuJoCo's (mm) and the angle between both (degrees), or the error.
     fn height(&self) -> String {
         match &self.stands {
             Some(Ok([height, turn])) => format!("{:.1}, {:.1} deg", 1e3 * height, turn.to_degrees()),
@@ -79,7 +80,7 @@ impl Beside {
     }
 }
 
-/// Table of robots beside MuJoCo's: `equal` if all agrees, else the first difference or the refusal.
+/// Tables robots compared with MuJoCo's: `equal` if all agrees, else the first difference or why the file is refused.
 pub fn beside(files: &[Found], python: &Path) -> Table {
     let one = |found: &Found| {
         caught(|| {

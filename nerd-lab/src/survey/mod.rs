@@ -1,6 +1,6 @@
-//! Survey of third-party robots: each URDF or MJCF of a folder is read on a fixed and a free base. It is rolled out
-//! from zero coordinates under gravity. Unsupported features, unreadable files and panics give a line each and do not
-//! stop the others.
+//! Surveys third-party robots: reads each URDF or MJCF of a folder with a fixed and a floating base. Each robot is
+//! rolled out from zero coordinates under gravity. Unsupported features, unreadable files and panics are reported in
+//! the file's row, and the other files are still read.
 //!
 //! ```
 //! let found = nerd_lab::survey::find("../nerd-sim/assets".as_ref())?;
@@ -21,7 +21,8 @@ pub use stand::verdict;
 
 use crate::{panics::silent, prelude::*};
 
-/// Reads and rolls out each file, a line each; with the notes of a single robot.
+/// Reads and rolls out each file; the table has one row for each. Also returns the notes of the file if there is only
+/// one.
 pub fn read(files: &[Found]) -> (Table, Vec<String>) {
     let robots = each(files, survey);
     let header = ["file", "links", "joints", "mass (kg)", "meshes passed over", "fixed base", "floating base"];
@@ -52,7 +53,7 @@ fn row(robot: &Surveyed) -> Vec<String> {
     [robot.name.clone()].into_iter().chain(sizes).chain([found(&robot.fixed), floating]).collect()
 }
 
-/// What `of` makes of each file; a panic is a line of the table.
+/// Applies `of` to each file under a progress bar, without printing panics.
 fn each<T>(files: &[Found], of: impl FnMut(&Found) -> T) -> Vec<T> {
     let bar = bar("robots", files.len() as u64);
     let all = silent(|| files.iter().map(of).inspect(|_| bar.add(1)).collect());

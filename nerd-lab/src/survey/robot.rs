@@ -1,38 +1,39 @@
-//! Robot files: their contents, and whether the robot moves.
+//! Reads robot files, and tries whether their robots can be rolled out.
 
 use nerd_sim::mjcf::is_mjcf;
 
 use crate::{panics, prelude::*, roll::rolled};
 
 pub(super) const FRAMES: usize = 10;
-/// Substeps of a frame: the accurate preset's, then more for stiff joint damping on light links.
+/// Substeps a frame that are tried in order: the preset `accurate`'s, then more for stiff joint damping on light links.
 const SUBSTEPS: [usize; 2] = [4, 64];
 
 #[derive(Clone, Debug)]
 pub struct Surveyed {
     pub name: String,
     pub sizes: Option<Sizes>,
-    /// Substeps a frame with which it moves on a fixed base (0: nothing to move), or why not.
+    /// Substeps a frame at which the robot can be rolled out on a fixed base, or why it cannot. 0 if nothing moves.
     pub fixed: Result<usize, String>,
+    /// Like `fixed`, on a floating base.
     pub floating: Result<usize, String>,
-    /// Assumptions about the file, from the first base that can be read.
+    /// Assumptions made while reading the file; from the fixed base, or else the floating one.
     pub(super) notes: Vec<String>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
     pub links: usize,
-    /// Joints with one degree of freedom each.
+    /// Number of joints, each with one degree of freedom.
     pub joints: usize,
-    /// Mass (kg).
+    /// Total mass (kg).
     pub mass: f64,
     pub meshes: usize,
 }
 
-/// Reads a file on both bases and rolls it out.
+/// Reads a robot file with a fixed and with a floating base, and rolls out both robots.
 pub fn survey(Found { path, name }: &Found) -> Surveyed {
     let text = text(path);
-    // `None` if nothing moves.
+    // Returns `None` if no link of the robot can move.
     let read = |floating| -> Result<Option<System>, String> {
         let text = text.as_ref().map_err(String::clone)?;
         caught(|| match System::bare_at(name, text, floating, Some(path)) {
@@ -58,8 +59,8 @@ pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, Str
     panics::caught(of).map_err(|said| format!("panic, please report: {}", said.replace('\n', " "))).flatten()
 }
 
-/// Degrees of freedom above which drives force the implicit step along the tree; by its matrix, a chain of a thousand
-/// takes minutes.
+/// Degrees of freedom above which the implicit step is solved along the tree. By its dense matrix, a chain of a
+/// thousand links takes minutes.
 const DEEP: usize = 100;
 
 fn roll(system: System, name: &str) -> Result<usize, String> {
@@ -73,7 +74,7 @@ fn roll(system: System, name: &str) -> Result<usize, String> {
         };
         let mut solver = Articulated::new(config);
         let mut batch = Batch::new(&system, &scene, 1);
-        // Drives need the implicit step; these have no effect.
+        // Adds drives without effect, which select the implicit step along the tree.
         let idle = if system.robot.nv() > DEEP { system.robot.joint_count() } else { 0 };
         batch.drives = vec![Drive::default(); idle];
         rolled(batch, &mut solver, FRAMES).map(|_| substeps).map_err(|e| e.to_string())
@@ -88,7 +89,8 @@ pub struct Found {
     pub name: String,
 }
 
-/// `path`, or the .urdf files and MJCFs (.xml) below it by name, and unreadable folders. Links are not followed.
+/// Returns `path` if it is a file, else the .urdf files and MJCFs (.xml) below it, sorted by name. Unreadable folders
+/// are listed too; links are not followed.
 pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
     let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
     let mut files = Vec::new();
@@ -97,14 +99,14 @@ pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
 }
 
 fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
-    // An unreadable folder is listed as a file.
+    // Lists a file, or an unreadable folder as if it were a file.
     let Ok(mut inside) = std::fs::read_dir(path).and_then(Iterator::collect::<std::io::Result<Vec<_>>>) else {
         files.push(Found { path: path.into(), name: path.strip_prefix(above).unwrap_or(path).display().to_string() });
         return;
     };
     inside.sort_by_key(std::fs::DirEntry::file_name);
     for entry in inside {
-        // A link may lead back up.
+        // Skips links, which may lead back to a folder above.
         let path = entry.path();
         let kind = entry.file_type();
         let robot = || match path.extension().and_then(|ending| ending.to_str()) {
@@ -118,13 +120,13 @@ fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
     }
 }
 
-/// The text of a file, or why it cannot be read.
+/// Returns the text of a file, or why it cannot be read.
 pub(super) fn text(path: &Path) -> Result<String, String> {
     let bytes = nerd_sim::files::read(path).map_err(|e| format!("cannot be read: {e}"))?;
     String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
 }
 
-/// The error without the robot's name, which its row already has.
+/// Returns the error's text without the robot's name, which the table's row already has.
 pub(super) fn reason(error: &impl std::fmt::Display, name: &str) -> String {
     error.to_string().replace(&format!("robot `{name}`: "), "")
 }

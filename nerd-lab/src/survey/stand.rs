@@ -1,5 +1,6 @@
-//! Whether a robot stands, hangs or falls, in a line: simulated from its default pose (an SRDF beside it may name it),
-//! with joints held by drives ([`nerd_sim::drive::holding`]), and limp.
+//! Reports in one line whether a robot stands, hangs or falls. The robot is simulated from its default pose, which an
+//! SRDF beside its file may name. Joints are held by drives ([`nerd_sim::drive::holding`]), and in a second rollout
+//! limp.
 
 use nerd_sim::drive::holding;
 use nerd_sim::scene::{foot, up};
@@ -8,15 +9,16 @@ use nerd_sim::system::GROUND;
 use crate::mujoco::stand as stood;
 use crate::{prelude::*, roll::rolled};
 
-/// Most degrees of freedom; beyond, a simulated second takes seconds.
+/// Most degrees of freedom of a simulated robot; with more, a simulated second takes seconds.
 const MOST: usize = 200;
-/// A robot has fallen beyond this tilt (rad), or if its root sinks by more than this share of its height.
+/// A robot whose root tilts further than this (rad) has fallen.
 const TILTED: f64 = 0.35;
+/// A robot whose root sinks by more than this fraction of its initial height has fallen.
 const LOWER: f64 = 0.2;
-/// Largest joint error (rad or m) that counts as held in place.
+/// Largest joint displacement from the default pose (rad or m) that counts as hanging still.
 const HELD: f64 = 0.1;
 
-/// The default pose, with a free robot set on the ground.
+/// Returns the default state; a floating robot is moved so that its lowest contact point touches the ground.
 fn set_down(system: &System) -> Vec<f64> {
     let mut state = system.default_state();
     if system.robot.floating() && !system.robot.contact_points.is_empty() {
@@ -26,9 +28,9 @@ fn set_down(system: &System) -> Vec<f64> {
     state
 }
 
-/// After `seconds`: height of a free robot's root above MuJoCo's for the MJCF at `path` (m), and the angle between them
-/// (rad). Both start from the default pose under equal drives. `None` for a fixed base, without contact points, or for
-/// too many degrees of freedom.
+/// Simulates a floating robot for `seconds` here and in MuJoCo, from the default pose under equal drives. Returns our
+/// root height above MuJoCo's (m) and the angle between the root orientations (rad). `None` for a fixed base, without
+/// contact points, or for more than `MOST` degrees of freedom.
 pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: f64) -> Option<Result<[f64; 2]>> {
     let robot = &system.robot;
     let small = robot.nv() <= MOST && robot.floating() && !robot.contact_points.is_empty();
@@ -74,7 +76,7 @@ fn tried(system: &Arc<System>, seconds: f64) -> Result<String> {
     })
 }
 
-/// The last two states of `frames` frames with the preset `accurate`.
+/// Rolls out `frames` frames with the preset `accurate`, and returns the last two states.
 fn rolls(
     system: &Arc<System>,
     scene: &Arc<Scene>,
@@ -91,7 +93,7 @@ fn rolls(
     Ok([before.states, last.states])
 }
 
-/// Height of the lowest contact point (m).
+/// Returns the height of the lowest contact point (m) at `state`.
 fn lowest(system: &System, state: &[f64]) -> f64 {
     let robot = &system.robot;
     let mut data = Data::new(&system.robot);
@@ -100,7 +102,7 @@ fn lowest(system: &System, state: &[f64]) -> f64 {
     heights.fold(f64::INFINITY, f64::min)
 }
 
-/// Whether it stands, falls, moves or hangs still, with figures of the last frame.
+/// Says whether the robot stands, falls, moves or hangs still, with its displacements and velocities in the last frame.
 fn ended(system: &System, start: &[f64], [before, last]: &[Vec<f64>; 2]) -> String {
     let robot = &system.robot;
     let coords = robot.root_coords();

@@ -65,7 +65,7 @@ fn swing(trial: &Trial) -> Result<f64> {
     let place = |k: usize| 0.01 * bessel(ZERO * (1.0 - k as f64 / 20.0).sqrt());
     let slope = |k: usize| 20.0 * (place(k + 1) - place(k));
     let mut state = system.robot.zero_state();
-    // Only the first hinge of each pair moves.
+    // Bends the chain in one plane: only the first hinge of each pair moves.
     (0..20).for_each(|k| state[2 * k] = if k == 0 { slope(0) } else { slope(k) - slope(k - 1) });
     let motion = trial.passive(&system, "free", &state, 240)?;
     let start = end(&system, &state).xy();
@@ -79,7 +79,7 @@ fn swing(trial: &Trial) -> Result<f64> {
 fn fall(trial: &Trial) -> Result<f64> {
     let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 20\nat = [0.0, 0.0, 0.5]")?;
     let mut state = system.robot.zero_state();
-    // Slightly bent sideways, so that the cable does not fall in a plane.
+    // Bends the cable slightly sideways, so that it does not fall in a plane.
     state[..40].iter_mut().step_by(2).enumerate().for_each(|(k, q)| *q = 0.1 * (PI * k as f64 / 10.0).sin());
     let motion = trial.passive(&system, "plane", &state, 120)?;
     let gain = rise(motion.energies().iter().zip(motion.stored()).map(|(a, b)| a + b));

@@ -80,7 +80,7 @@ pub(super) const PASSIVE: &[Row] = &[
     ),
 ];
 
-/// A sphere of radius 5 cm and 1 kg.
+/// A sphere of 1 kg with a radius of 5 cm.
 fn ball() -> Body {
     Body { shape: r#"<sphere radius="0.05"/>"#.into(), inertia: [1e-3; 3], ..Default::default() }
 }
@@ -88,7 +88,7 @@ fn ball() -> Body {
 fn rest(trial: &Trial) -> Result<f64> {
     let body = Body::default();
     let motion = trial.passive(&body.system()?, "ground", &Body::at([0.0, 0.0, 0.1]), 300)?;
-    // A box's corners have a contact radius of 1e-5 m.
+    // Adds 1e-5 m, the contact radius of a box's corners.
     Ok((vector(motion.last()) - Vector3::z() * (0.1 + 1e-5 - sunk(trial, &body, 4.0))).norm())
 }
 
@@ -99,7 +99,7 @@ fn restitution(trial: &Trial) -> Result<f64> {
         let z: Vec<f64> = motion.states.iter().map(|s| s[2] - 0.05).collect();
         let landed = z.windows(2).position(|w| w[1] > w[0]).unwrap_or(z.len() - 1);
         let rebound = most(z[landed..].iter().copied());
-        // Damped while approaching, undamped while separating.
+        // Restitution of a contact that is damped while approaching, and undamped while separating.
         let zeta = damping / (2.0 * (body.mass * 1e4f64).sqrt());
         let e = (-zeta * zeta.acos() / (1.0 - zeta * zeta).sqrt()).exp();
         Ok((rebound - e * e).abs())
@@ -122,7 +122,7 @@ fn tip(trial: &Trial, times: f64) -> Result<f64> {
     Ok(if times == 1.0 { motion.above(gain(&motion)) } else { gain(&motion) })
 }
 
-/// Largest gain of energy over the start, relative to the start's kinetic energy.
+/// Largest gain of energy over the start's energy, divided by the start's kinetic energy.
 fn gain(motion: &Motion) -> f64 {
     let e = motion.energies();
     let first = motion.totals()[0].kinetic;
@@ -211,14 +211,14 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.
+/// A plate of 1 kg and 0.4 x 0.4 x 0.1 m.
 fn plate() -> Body {
     let a = (0.16 + 0.01) / 12.0;
     let b = 0.32 / 12.0;
     Body { shape: r#"<box size="0.4 0.4 0.1"/>"#.into(), inertia: [a, a, b], ..Default::default() }
 }
 
-/// A table of 1 kg: its centre 0.27 m above the ground, on four feet 0.6 m by 0.4 m apart.
+/// A table of 1 kg on four feet 0.6 m by 0.4 m apart. Its centre is 0.27 m above the ground.
 fn table() -> Body {
     Body { feet: Some([0.3, 0.2, 0.25]), inertia: [0.03, 0.05, 0.07], ..Default::default() }
 }
@@ -232,7 +232,7 @@ fn stopping(trial: &Trial) -> Result<f64> {
     })
 }
 
-/// Distance (m) and velocity (m/s) down a slope after `frames` frames from rest.
+/// Releases a body at rest on a slope, and returns its distance (m) and velocity (m/s) downhill after `frames` frames.
 fn down(trial: &Trial, body: Body, degrees: f64, height: f64, frames: usize) -> Result<(f64, f64)> {
     let slope = degrees.to_radians();
     let body = Body { slope, ..body };
@@ -277,7 +277,7 @@ fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64> {
         ways.push(last[0]);
     }
     let (low, high) = ways.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-    // The body must have slid and stopped.
+    // Fails if the body did not slide about as far as it must.
     let expected = 4.0 / (2.0 * 0.4 * GRAVITY);
     Ok(if (low / expected - 1.0).abs() > 0.5 { 1.0 } else { worst.max((high - low) / high) })
 }

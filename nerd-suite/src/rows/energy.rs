@@ -1,12 +1,13 @@
-//! Rows of energy gains and of friction that sticks: long frames, tosses, fast spins, a chain hitting itself, a cube at
-//! rest and sliding on a slope.
+//! Rows of energy gains: long frames, tosses, fast spins, a chain that hits itself. Rows of friction that sticks: a
+//! cube on a slope, at rest and sliding.
 
 use super::*;
 
-/// Frame times (s) of the sweep, and duration (s) of each fall.
+/// Frame times (s) of the row `long steps`.
 const STEPS: [f64; 5] = [1.0 / 240.0, 1.0 / 60.0, 0.05, 0.1, 0.25];
+/// Duration (s) of each fall of the row `long steps`.
 const FALL: f64 = 3.0;
-/// Robots of the sweep, and the scenes they fall in.
+/// Robots of the row `long steps`, each with the scene that it falls in.
 const ROBOTS: [(&str, &str); 6] = [
     ("cartpole", "free"),
     ("pendulum", "ground1"),
@@ -15,10 +16,11 @@ const ROBOTS: [(&str, &str); 6] = [
     ("ant", "ground"),
     ("anymal", "ground"),
 ];
-/// Inclination of a cube that rests, as a share of its friction angle, and duration (s).
+/// Inclination of the slope in the row `creep`, divided by the cube's friction angle.
 const SHARE: f64 = 0.6;
+/// Duration (s) of the row `creep`.
 const MINUTE: f64 = 60.0;
-/// Inclination of a cube that slides, as a multiple of its friction angle.
+/// Inclination of the slope in the row `break-away`, divided by the cube's friction angle.
 const STEEP: f64 = 1.3;
 
 pub(super) const ROWS: &[Row] = &[
@@ -78,9 +80,9 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// Largest gain of energy (springs included) relative to the start's kinetic, spring and fall energy. Returns 1 if no
-/// coordinate moved by 0.1 rad or m. For a method with rigid contacts, gain over the start only: its rebounds are not
-/// gains.
+/// Largest gain of energy (springs included), divided by the start's kinetic, spring and fall energy. Returns 1 (a
+/// failure) if no coordinate moved by 0.1 rad or m. Gains are measured from the previous minimum of the energy. For
+/// rigid contacts they are measured from the start, since rebounds are not gains.
 fn gain(trial: &Trial, motion: &Motion, height: f64) -> f64 {
     let moved = |state: &Vec<f64>| motion.states[0].iter().zip(state).any(|(a, b)| (a - b).abs() > 0.1);
     if !motion.states.iter().any(moved) {
@@ -103,7 +105,7 @@ fn sweep(trial: &Trial) -> Result<f64> {
         let system = Arc::new(system);
         worst(0..2, |seed| {
             let mut state = start(&system, Start::Reset, &mut stream(31, seed));
-            // A balanced robot, or one without weight, would otherwise stay in place.
+            // Sets joint velocities: a balanced robot, or one without gravity, would otherwise stay in place.
             let rates = state[system.robot.nq() + system.robot.root_dofs()..].iter_mut();
             rates.zip([2.0, -2.0].into_iter().cycle()).for_each(|(rate, to)| *rate = to);
             if system.robot.floating() {
@@ -173,12 +175,13 @@ fn chain(trial: &Trial) -> Result<f64> {
     Ok(gain(trial, &trial.passive(&system, "free", &state, 180)?, 0.0))
 }
 
-/// States of a cube on a slope with this angle (rad) for `time` (s), released just above its resting position.
+/// Rolls out a cube on a slope of this angle (rad) for `time` (s), and returns its states. The cube is released just
+/// above its resting position.
 fn leaning(trial: &Trial, angle: f64, time: f64) -> Result<Vec<Vec<f64>>> {
     let body = Body { slope: angle, ..Default::default() };
     let system = body.system()?;
     let turn = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle);
-    // A millimetre above its resting position on four corners.
+    // Starts 1 mm above the cube's resting position on four corners.
     let deep = body.mass * GRAVITY * angle.cos() / (4.0 * body.material[0]);
     let place = turn * Vector3::z() * (0.101 - deep);
     let start = Body::state(place.into(), turn.coords.into(), [0.0; 3], [0.0; 3]);
@@ -189,7 +192,7 @@ fn creep(trial: &Trial) -> Result<f64> {
     let friction = Body::default().material[3];
     let states = leaning(trial, SHARE * friction.atan(), MINUTE)?;
     let [begun, settled, last] = [0, 60, states.len() - 1].map(|k| vector(&states[k]));
-    // The landing and rocking of the first second is not creep.
+    // Leaves out the first second, in which the cube lands and rocks.
     Ok(if (settled - begun).norm() < 5e-4 { 1.0 } else { (last - settled).norm() })
 }
 

@@ -77,12 +77,12 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// Motion of a body from the origin, with this angular velocity and velocity, where nothing touches it.
+/// Rolls out a body without contact from the origin, with angular velocity `w` (rad/s) and velocity `v` (m/s).
 fn fly(trial: &Trial, body: &Body, w: [f64; 3], v: [f64; 3], frames: usize) -> Result<Motion> {
     trial.passive(&body.system()?, "free", &Body::state([0.0; 3], UPRIGHT, w, v), frames)
 }
 
-/// The figure of a body that must turn: 1 if its orientation never changed by more than 0.1 rad.
+/// Returns `figure` if the body turned by more than 0.1 rad, else 1 (a failure).
 fn turned(motion: &Motion, figure: f64) -> f64 {
     let first = quaternion(&motion.states[0][3..7]);
     let turns = motion.states.iter().any(|s| quaternion(&s[3..7]).angle_to(&first) > 0.1);
@@ -114,7 +114,8 @@ fn precession(trial: &Trial) -> Result<f64> {
 }
 
 fn tumbling(trial: &Trial) -> Result<f64> {
-    // A solid box of 8 kg: m (b^2 + c^2) / 3 in half extents; its principal axes are tilted about (1, 1, 1).
+    // A solid box of 8 kg, with moments m (b^2 + c^2) / 3 for half extents b, c. Its principal axes are tilted about
+    // (1, 1, 1).
     let axis = nalgebra::Unit::new_normalize(Vector3::new(1.0, 1.0, 1.0));
     let (roll, pitch, yaw) = nalgebra::UnitQuaternion::from_axis_angle(&axis, 0.7).euler_angles();
     let inertia = [13.0, 10.0, 5.0].map(|x| 8.0 / 3.0 * x);
@@ -122,18 +123,19 @@ fn tumbling(trial: &Trial) -> Result<f64> {
     spin(trial, &body, [3.0, 7.0, 2.0], 600)
 }
 
-/// Largest relative change of angular momentum.
+/// Largest change of a free body's angular momentum, divided by its start value; `w` is in rad/s.
 fn spin(trial: &Trial, body: &Body, w: [f64; 3], frames: usize) -> Result<f64> {
     let motion = fly(trial, body, w, [0.0; 3], frames)?;
     let l: Vec<_> = motion.totals().iter().map(|t| t.momentum.ang).collect();
     Ok(turned(&motion, most(l.iter().map(|x| (x - l[0]).norm() / l[0].norm()))))
 }
 
-/// A box of 0.1, 0.2 and 0.3 m and 1 kg, and its spin about the middle axis.
+/// A box of 0.1 x 0.2 x 0.3 m and 1 kg.
 fn brick() -> Body {
     Body { inertia: [0.13 / 12.0, 0.1 / 12.0, 0.05 / 12.0], gravity: 0.0, frame: "1/200", ..Default::default() }
 }
 
+/// Start angular velocity (rad/s) of the brick: about its middle principal axis, slightly disturbed.
 const MIDDLE: [f64; 3] = [0.05, 5.0, 0.05];
 
 fn gyroscopic(trial: &Trial) -> Result<f64> {
@@ -147,7 +149,7 @@ fn dzhanibekov(trial: &Trial) -> Result<f64> {
     let motion = fly(trial, &brick(), MIDDLE, [0.0; 3], frames)?;
     let last = motion.last();
     let found = quaternion(&last[3..7]).inverse() * vector(&last[7..10]);
-    // Reference: I w' = -w x I w by classical Runge-Kutta.
+    // Integrates the reference, I w' = -w x I w in body axes, by classical Runge-Kutta.
     let inertia = Vector3::from(brick().inertia);
     let rate = |w: Vector3<f64>| -w.cross(&inertia.component_mul(&w)).component_div(&inertia);
     let mut w = Vector3::from(MIDDLE);
@@ -180,7 +182,7 @@ fn single(trial: &Trial) -> Result<f64> {
     Ok(turned(&double, (a - b).norm() / a.norm()))
 }
 
-/// A solver with its states rounded to f32 after every frame.
+/// A solver whose states are rounded to f32 after every frame.
 struct Rounded(Box<dyn Solver>);
 
 impl Solver for Rounded {

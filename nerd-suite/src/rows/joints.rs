@@ -104,7 +104,8 @@ fn energy(trial: &Trial) -> Result<f64> {
     Ok(kept(&trial.passive(&chain(&[1.0], "", "1/60", GRAVITY)?, "free", &[FRAC_PI_2 + 1.0, 0.0], 120)?))
 }
 
-/// Largest change of energy relative to the largest kinetic energy; 1 if the centre of mass did not move by 0.1 m.
+/// Largest change of energy, divided by the largest kinetic energy. Returns 1 (a failure) if the centre of mass did not
+/// move by 0.1 m.
 fn kept(motion: &Motion) -> f64 {
     let totals = motion.totals();
     let e = motion.energies();
@@ -122,7 +123,7 @@ fn armature(trial: &Trial) -> Result<f64> {
 fn limit(trial: &Trial) -> Result<f64> {
     let motion = trial.passive(&slider()?, "free", &[0.0, 1.0], 60)?;
     let reach = most(motion.states.iter().map(|s| s[0]));
-    // A hard limit may stop slightly before its end.
+    // Fails if the slider stops before its limit, but for the small gap that a hard limit may leave.
     if reach < 0.49 {
         return Ok(1.0);
     }

@@ -5,20 +5,21 @@ use super::*;
 /// Velocity limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;
 const URDF: &str = "speed limit of its URDF";
-/// Figures of a PD law with torques held constant over a frame, and of a PD law on the predicted state.
+/// Figure of rows whose PD torques are held constant over a frame.
 const HELD: &str = "largest joint speed, no armature, PD at 60 Hz, 2 s";
+/// Figure of rows whose PD law uses the state predicted for the end of the frame.
 const STABLE_PD: &str = "largest joint speed, no armature, PD that looks a frame ahead, 2nd second";
 
-/// ANYmal's PD law `tau = kp (target - q) - kd qd`.
+/// Parameters of ANYmal's PD law `tau = kp (target - q) - kd qd` (N m).
 struct Drives {
     armature: f64,
     kp: f64,
     kd: f64,
-    /// Whether the law uses the state predicted for the end of the frame.
+    /// Whether the PD law uses the state predicted for the end of the frame.
     stable_pd: bool,
 }
 
-/// No armature, little damping.
+/// A PD law without armature and with little damping.
 const BARE: Drives = Drives { armature: 0.0, kp: 200.0, kd: 0.5, stable_pd: false };
 
 pub(super) const CONSISTENCY: &[Row] = &[
@@ -129,9 +130,9 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// Mean |dq| after one second between a method and itself with four times the substeps. Returns 1 (a failure) if after
-/// some start no coordinate moved by 0.3 rad or m. Also if a free robot fell through the ground. A fall moves a
-/// coordinate by at least 0.5.
+/// Mean |dq| after one second between a method and itself with four times the substeps. Returns 1 (a failure) if from
+/// some start no coordinate moved by 0.3 rad or m. A fall moves some coordinate by at least 0.5 rad or m. Also returns
+/// 1 if a floating robot fell through the ground.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64> {
     let system = trial.robot(robot)?;
     let nq = system.robot.nq();
@@ -141,7 +142,7 @@ fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64> {
         let state = start(&system, Start::Reset, &mut stream(17, seed));
         let coarse = trial.passive(&system, scene, &state, 60)?;
         let finer = trial.under(&mut *trial.method.finer_solver(&system)?, &system, scene, &state, 60, &mut limp)?;
-        // A pendulum's base holds it at any ground height.
+        // Skips robots on a fixed base, which cannot fall through the ground.
         if system.robot.floating() && coarse.above(0.0) > 0.0 {
             return Ok(1.0);
         }
@@ -185,7 +186,7 @@ fn ant(trial: &Trial) -> Result<f64> {
 }
 
 /// Largest joint velocity (rad/s) in two seconds under a PD law toward the default pose. Infinite if the robot fell
-/// through the ground, or if the joints never covered half the distance to the pose: slow joints alone do not prove
+/// through the ground, or if the joints never covered half the distance to the pose. Slow joints alone do not prove
 /// control.
 fn anymal(trial: &Trial, drives: Drives) -> Result<f64> {
     let mut system = (*trial.robot("anymal")?).clone();
@@ -200,7 +201,7 @@ fn anymal(trial: &Trial, drives: Drives) -> Result<f64> {
         trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
     let joints = system.robot.root_coords();
     let nq = system.robot.nq();
-    // A predictive law closes the initial error in one frame, at any velocity, so only the second second counts.
+    // Leaves out the first second under a predictive law, which closes the initial error in one frame at any velocity.
     let counted = &motion.states[if drives.stable_pd { 60 } else { 0 }..];
     let speed = most(counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).map(|rate| rate.abs()));
     let gap = |s: &[f64]| {

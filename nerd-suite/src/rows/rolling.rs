@@ -51,13 +51,14 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// Largest figure over velocities, with and without friction; 1 if the ball did not travel as far as it must.
+/// Largest `figure` of a rolling ball over several velocities, with and without friction. A ball that did not travel as
+/// far as it must counts as 1 (a failure).
 fn level(trial: &Trial, figure: fn(&Motion) -> f64) -> Result<f64> {
     let radius = 0.1;
     worst([1.0, 5.0, 10.0, 20.0].into_iter().flat_map(|v| [(v, 0.0), (v, 0.5)]), |(speed, friction)| {
         let shape = format!(r#"<sphere radius="{radius}"/>"#);
         let body = Body { shape, inertia: [0.004; 3], material: [1e4, 100.0, 1e3, friction], ..Default::default() };
-        // The velocity of the ball's lowest point is zero.
+        // Lets the ball roll without slip: its lowest point has velocity 0.
         let spin = speed / radius;
         let place = [0.0, 0.0, radius - sunk(trial, &body, 1.0)];
         let start = Body::state(place, UPRIGHT, [0.0, spin, 0.0], [speed, 0.0, 0.0]);
@@ -71,7 +72,7 @@ fn height(motion: &Motion) -> f64 {
     most(motion.states.iter().map(|s| (s[2] - motion.states[0][2]).abs()))
 }
 
-/// Largest relative change of energy, springs included.
+/// Largest change of energy (springs included), divided by the start's energy.
 fn energy(motion: &Motion) -> f64 {
     let e: Vec<f64> = motion.energies().iter().zip(motion.stored()).map(|(e, s)| e + s).collect();
     most(e.iter().map(|x| (x / e[0] - 1.0).abs()))

@@ -34,7 +34,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// A cylinder along z with this radius and length (m), 1 kg of uniform density.
+/// Makes a cylinder along z of 1 kg and uniform density, with `[radius, length]` (m).
 fn cylinder([radius, length]: [f64; 2], material: [f64; 4]) -> Result<Arc<System>> {
     let along = 0.5 * radius * radius;
     let across = radius * radius / 4.0 + length * length / 12.0;
@@ -60,9 +60,9 @@ fn wheel(trial: &Trial) -> Result<f64> {
     Ok((last[0] / 5.0 - 1.0).abs().max(last[1].abs()).max((last[2] / high - 1.0).abs()))
 }
 
-/// A coin at angle a from the ground has its centre at rest. It rotates about the line from centre to contact,
-/// `r = -R t - l n`: t points up the coin's face, n is its axis. `d/dt L = r x m g` gives
-/// `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
+/// A coin at angle a from the ground precesses at the rate W (rad/s), its centre at rest. The coin rotates about the
+/// line from its centre to the contact, `r = -R t - l n`. t points up the coin's face, n is its axis; R is its radius,
+/// l half its thickness. `d/dt L = r x m g` gives `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
 fn coin(trial: &Trial) -> Result<f64> {
     let radius = 0.1;
     let half = 0.001;

@@ -5,14 +5,15 @@ use std::f64::consts::TAU;
 
 use super::*;
 
-/// Forward velocity (m/s), and angular velocity (rad/s) about the horizontal axis across it: the robot tumbles as it
-/// runs.
+/// Forward velocity (m/s) at the start.
 const SPEED: f64 = 8.0;
+/// Angular velocity (rad/s) at the start, about the horizontal axis across the forward velocity: the robot tumbles.
 const TURN: f64 = 10.0;
-/// Frequency (Hz) and phases of the torques, hip and ankle by leg. Each motor applies its torque limit times
-/// `sin(TAU (BEAT t + phase / 8))`, t at the start of a frame. Among a thousand random phases, preset `paper` creates
-/// most energy with these.
+/// Frequency of the torques (Hz). Each motor applies its torque limit times `sin(TAU (BEAT t + phase / 8))`, where t
+/// (s) is the start of the frame.
 const BEAT: f64 = 6.0;
+/// Phases of the torques (eighths of a period), for hip and ankle of each leg. Among a thousand random choices, these
+/// make preset `paper` create most energy.
 const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
 const FRAMES: usize = 60;
 
@@ -37,7 +38,7 @@ pub(super) const ROWS: &[Row] = &[
     ),
 ];
 
-/// One second of running; the torso starts at `height` (m) above the ground.
+/// Rolls out one second of running; the torso starts at `height` (m) above the ground.
 fn run(trial: &Trial, height: f64) -> Result<Motion> {
     let system = trial.robot("ant")?;
     let mut state = system.default_state();
@@ -60,8 +61,8 @@ fn run(trial: &Trial, height: f64) -> Result<Motion> {
     trial.driven(&system, "ground", &state, FRAMES, &mut drive)
 }
 
-/// Largest increase of energy (springs included, motor work subtracted) over its previous minimum, relative to the
-/// start's kinetic energy; 1 if the robot hardly moved.
+/// Largest increase of energy over its previous minimum, relative to the start's kinetic energy. Energy includes
+/// springs, and the motors' work is subtracted. Returns 1 (a failure) if the robot moved by at most 1 m.
 fn energy(trial: &Trial) -> Result<f64> {
     let motion = run(trial, 0.8)?;
     let rise = rise(motion.energies().iter().zip(motion.stored()).zip(&motion.work).map(|((e, s), w)| e + s - w));
@@ -69,8 +70,8 @@ fn energy(trial: &Trial) -> Result<f64> {
     Ok(if way.norm() > 1.0 { rise / motion.totals()[0].kinetic } else { 1.0 })
 }
 
-/// Largest change of linear momentum (without gravity's share) and of angular momentum about the centre of mass,
-/// relative to the start.
+/// Largest change of momentum relative to the start: of linear momentum without gravity's share, and of angular
+/// momentum about the centre of mass.
 fn momentum(trial: &Trial) -> Result<f64> {
     Ok(momentum_change(&run(trial, 20.0)?, |first| first.momentum.lin.norm()))
 }

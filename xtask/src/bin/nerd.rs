@@ -1,4 +1,4 @@
-//! The program by its own name, for `cargo install --path xtask --bin nerd`.
+//! The program under the name `nerd`, for `cargo install --path xtask --bin nerd`.
 
 use std::process::ExitCode;
 

@@ -27,7 +27,7 @@ pub struct ArenaArgs {
 }
 
 impl ArenaArgs {
-    /// The arena of a task; refuses options of the learned solver with other solvers.
+    /// Makes the arena of a task; refuses options of `neural` with other solvers.
     pub fn of(self, task: &str) -> Result<Arena> {
         let mut spec = self.solver;
         match &mut spec {

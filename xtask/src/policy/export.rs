@@ -1,4 +1,4 @@
-//! `cargo xtask policy export`: a policy as ONNX and contract, for other simulators and robots.
+//! `cargo xtask policy export`: writes a policy as ONNX, with a contract, for other simulators and for robots.
 
 use nerd_train::ppo::folder;
 

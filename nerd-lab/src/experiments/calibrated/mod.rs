@@ -1,4 +1,4 @@
-//! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory
+//! Calibrates analytic solvers to measured trajectories, cross-validated over splits by trajectory
 //! ([`nerd_sim::calibrate`]).
 
 mod models;
@@ -14,8 +14,9 @@ use nerd_sim::log::{Log, Published, specified, tables};
 pub use runs::{Judged, Runs};
 use split::{Parts, Scored, Split};
 
-/// Values along each parameter's profile, and rollouts behind each value.
+/// Number of values along each parameter's profile.
 const PLACES: usize = 9;
+/// Most rollouts over which each value of a profile is averaged.
 const BEHIND: usize = 200;
 
 settings! {
@@ -70,12 +71,13 @@ settings! {
 #[derive(Serialize, Deserialize)]
 pub struct Calibrated {
     pub solver: String,
-    /// Fitting method: gradients ("slopes") or a search.
+    /// Fitting method: `slopes` (by gradients) or `search`.
     pub by: String,
-    /// Parameters: name, `[lower bound, nominal, upper bound]`, unit.
+    /// Parameters as (name, `[lower bound, nominal, upper bound]`, unit).
     pub parameters: Vec<(String, [f64; 3], String)>,
     pub splits: Vec<Split>,
-    /// Objective along each parameter of the first split: `[value, objective]`.
+    /// Objective of the first split along each parameter: `[parameter][place]`, with `[value, objective]` at each
+    /// place.
     pub profiles: Vec<Vec<[f64; 2]>>,
 }
 
@@ -85,9 +87,9 @@ pub struct CalibratedAll {
     pub settings: Calibration,
     pub robot: String,
     pub notes: Vec<String>,
-    /// Numbers of trajectories, and of rollouts cut from them.
+    /// Number of trajectories, and number of rollouts cut from them.
     pub sizes: [usize; 2],
-    /// Error of the predictor that nothing moves, on the test part of every split.
+    /// Error of a predictor without motion, which repeats the start, on the test part of every split.
     pub still: Vec<Scored>,
     #[serde(default)]
     pub published: Vec<Published>,
@@ -96,12 +98,12 @@ pub struct CalibratedAll {
     pub modelled: Vec<Modelled>,
 }
 
-/// Refuses a text that is no solver's.
+/// Refuses a text that names no solver.
 fn readable(solver: &str) -> Result<(), String> {
     solver.parse::<SolverSpec>().map(drop).map_err(|error| error.to_string())
 }
 
-/// What is calibrated with a solver's settings.
+/// Returns the engine to calibrate, with a solver's settings.
 pub fn engine(spec: &SolverSpec, system: &System) -> Result<Engine> {
     Ok(match spec {
         SolverSpec::Rapier(own) => Engine::Rapier(own.config()),
@@ -112,7 +114,7 @@ pub fn engine(spec: &SolverSpec, system: &System) -> Result<Engine> {
 }
 
 impl Calibration {
-    /// A solver by its text; `articulated` alone has --substeps.
+    /// Parses a solver; `articulated` without settings gets --substeps.
     fn spec(&self, solver: &str) -> Result<SolverSpec> {
         let spec: SolverSpec = solver.parse()?;
         let settled = matches!(spec, SolverSpec::Articulated(own) if own.settled);
@@ -160,7 +162,7 @@ impl Calibration {
             let fitted = subject.with(&parameters, &fit.values)?;
             Ok((part.split([&subject, &fitted], (&fit, seconds), seed)?, fit))
         };
-        // Splits run one after the other, so each wall time is its own; trials use all cores.
+        // Runs splits one after the other, so that each is timed alone; trials use all cores.
         let found: Vec<_> = (0..).zip(parts).map(one).try_collect()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
@@ -210,7 +212,8 @@ impl Calibration {
     }
 }
 
-/// Results of the solvers that succeed. The others are reported and left out; if all fail, the last error is returned.
+/// Returns the results of `of` for the solvers that succeed. The others are reported and left out; if all fail, the
+/// last error is returned.
 fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>) -> Result<Vec<T>> {
     let tried = solvers
         .iter()

@@ -1,5 +1,5 @@
-//! Models of the log's robot, or of its family, on the test rollouts of the calibrated solvers: with the frames before
-//! each rollout as history, and without.
+//! Tests models of the log's robot, or of its family, on the test rollouts of the calibrated solvers. Each model is
+//! tested with the frames before a rollout as history, and without.
 
 use nerd_model::solver::learned;
 use nerd_sim::calibrate::{Distance, Trial, distance};
@@ -14,14 +14,15 @@ use crate::prelude::*;
 /// A model's errors on the test part of every split.
 #[derive(Serialize, Deserialize)]
 pub struct Modelled {
-    /// Its folder; the first one if each split has its own.
+    /// The model's folder; the first folder if each split has its own model.
     pub model: String,
-    /// Most frames before a rollout that its predictions may depend on.
+    /// Most frames before a rollout on which the model's predictions may depend.
     pub before: usize,
-    /// Given as many earlier frames as there are, up to `before`.
+    /// Errors with the frames before each rollout as history, at most `before`.
     pub shown: Vec<Scored>,
+    /// Errors without earlier frames.
     pub withheld: Vec<Scored>,
-    /// Whole trajectories, without earlier frames.
+    /// Errors on whole trajectories, without earlier frames.
     pub whole: Vec<Scored>,
 }
 
@@ -29,7 +30,7 @@ struct Judged<'a> {
     folder: &'a Path,
     own: Arc<System>,
     model: Model,
-    /// For a model of recorded motion: the held-out trajectories.
+    /// Ids of the held-out trajectories of a model of recorded motion; `None` for other models.
     held_out: Option<Vec<u64>>,
 }
 
@@ -49,8 +50,8 @@ impl<'a> Judged<'a> {
 }
 
 impl Calibration {
-    /// A row for each model. Models of recorded motion share one row: each split uses a model that held out its test
-    /// part.
+    /// Tests the models, one row for each. Models of recorded motion share one row: each split uses a model that held
+    /// out the split's test part.
     pub(super) fn modelled(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Modelled>> {
         let all = self.model.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
         let mut rows: Vec<Vec<&Judged>> =
@@ -105,7 +106,7 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
     let nq = own.robot.nq();
     let mut found = vec![Distance::default(); trials.len()];
     for ((shown, frames), group) in groups {
-        // A trajectory cut into pieces appears several times under one id.
+        // Finds the trajectory by id and start state, since several pieces may share an id.
         let from = |k: &usize| -> Result<(&Trajectory, usize)> {
             let trial = &trials[*k];
             let begins = |t: &&Trajectory| t.id == trial.id && t.states.get(trial.first) == Some(&trial.start);

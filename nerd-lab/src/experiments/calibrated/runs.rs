@@ -1,5 +1,5 @@
-//! Per-trajectory parameters, such as sensor zeros set by hand before a run: fitted to each trajectory's first frames,
-//! beside shared parameters from the other folds. Every trajectory is tested once, on its later frames.
+//! Fits per-trajectory parameters, such as sensor zeros set by hand before a run, to each trajectory's first frames.
+//! The shared parameters are fitted to the other folds. Every trajectory is tested once, on its later frames.
 
 use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial};
 use nerd_sim::log::Log;
@@ -9,22 +9,24 @@ use super::split::{ids, still};
 use super::{Calibration, stem, tables::listed};
 use crate::prelude::*;
 
-/// Candidate penalties of leaving the shared value, in rad (or m) for the full range between the bounds; chosen within
-/// the training folds.
+/// Candidate penalties on per-trajectory values that differ from the shared value, chosen within the training folds. A
+/// penalty is the joint error (rad or m) that a difference of the full range between the bounds costs.
 const WEIGHTS: [f64; 6] = [0.0, 0.3, 1.0, 3.0, 10.0, 30.0];
-/// Bootstrap samples of the trajectories.
+/// Number of bootstrap samples of the trajectories.
 const SETS: usize = 2000;
-/// Reference row: `calibrated`; the next row, with own parameters, if penalised parameters follow.
+/// Index of the method below which other errors are measured: `calibrated`. With penalised parameters, it is the next
+/// method instead.
 const BASIS: usize = 2;
 
 #[derive(Serialize, Deserialize)]
 pub struct Judged {
-    /// The log, and the trajectory's id there.
+    /// Name of the log.
     pub log: String,
+    /// Id of the trajectory in the log.
     pub id: u64,
-    /// Number of rollouts of each length.
+    /// Number of test rollouts, by length.
     pub rollouts: Vec<usize>,
-    /// Joint errors `[method][length]` (rad or m), averaged over all predicted frames.
+    /// Mean joint errors `[method][length]` (rad or m) over all predicted frames.
     pub errors: Vec<Vec<f64>>,
 }
 
@@ -35,7 +37,7 @@ pub struct Runs {
     pub notes: Vec<String>,
     pub methods: Vec<String>,
     pub lengths: Vec<usize>,
-    /// Penalty of leaving the shared values, by fold, chosen on the other folds.
+    /// Penalty on leaving the shared values for each test fold, chosen on the other folds.
     pub weights: Vec<f64>,
     pub judged: Vec<Judged>,
 }
@@ -43,10 +45,11 @@ pub struct Runs {
 /// Parameters learned from a log without some of its trajectories.
 struct Learned<'a> {
     log: &'a Log,
-    /// Robot with the shared parameters, fitted together with each trajectory's own.
+    /// Robot with the shared parameters, which were fitted together with each trajectory's own parameters.
     shared: Subject,
-    /// Free per-trajectory parameters, and those penalised for leaving the shared value.
+    /// Per-trajectory parameters without penalty.
     own: Vec<Parameter>,
+    /// Per-trajectory parameters that are penalised for leaving the shared value.
     held: Vec<Parameter>,
 }
 
@@ -55,12 +58,12 @@ impl Calibration {
         FitConfig { evaluations: self.evaluations / share, trials: self.rollouts, seed: self.seed, gradients: true }
     }
 
-    /// Rollouts for fitting, half as long as those for testing.
+    /// Cuts a log into rollouts for fitting, half as long as those for testing.
     fn pieces(&self, log: &Log, every: usize) -> Vec<Trial> {
         log.trials((self.frames / 2).max(1) + 1, every.max(1))
     }
 
-    /// Rollouts for fitting without the trajectories `out`.
+    /// Rollouts for fitting, from all trajectories but `out`.
     fn others(&self, log: &Log, out: &[u64]) -> Vec<Trial> {
         self.pieces(log, self.every).into_iter().filter(|t| !out.contains(&t.id)).collect()
     }
@@ -78,7 +81,8 @@ impl Calibration {
         Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
     }
 
-    /// The shared robot, further fitted to a trajectory's first frames.
+    /// Fits the per-trajectory parameters of trajectory `id` to its first frames, on the robot with the shared
+    /// parameters. With `weight`, the penalised parameters are fitted too.
     fn told(&self, learned: &Learned, id: u64, weight: Option<f64>) -> Result<Subject> {
         let mut seen = self.pieces(learned.log, self.every / 2);
         seen.retain(|t| t.id == id && t.first + t.measured.len() <= self.context_frames + 1);
@@ -91,15 +95,15 @@ impl Calibration {
         }
         let mut parameters = learned.own.clone();
         if let Some(weight) = weight {
-            // The fit divides the objective by its initial value, so the penalty is scaled alike.
+            // Divides the penalty by the initial error, as the fit divides the objective by its initial value.
             let unit = nerd_sim::calibrate::mean(&learned.shared.distances(&seen)?).joints;
             parameters.extend(learned.held.iter().map(|p| p.near(p.nominal, weight / unit.max(f64::MIN_POSITIVE))));
         }
         fitted(&learned.shared, &parameters, &seen, self.config(4))
     }
 
-    /// Number of rollouts and mean joint error for each length, after a trajectory's first frames; `None` predicts no
-    /// motion.
+    /// Counts the rollouts of each length after a trajectory's first frames, and averages their joint errors (rad or
+    /// m). `subject: None` predicts no motion.
     fn errors(
         &self,
         log: &Log,
@@ -111,15 +115,15 @@ impl Calibration {
             let mut trials = log.trials(frames + 1, self.every);
             trials.retain(|t| t.id == id && t.first >= self.context_frames);
             let found = subject.map_or_else(|| Ok(still(log, &trials)), |subject| subject.distances(&trials))?;
-            // The mean distance includes the start, where the error is 0.
+            // Corrects the mean distance, which also counts the start frame, where the error is 0.
             let predicted = (frames + 1) as f64 / *frames as f64;
             Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect_vec())))
         };
         lengths.iter().map(of).collect()
     }
 
-    /// Log errors by penalty for trajectories outside the training folds; the logarithm keeps large errors from
-    /// dominating.
+    /// Returns logarithms of joint errors, `[trajectory][penalty]`, for trajectories outside the training folds. The
+    /// logarithm keeps large errors from dominating.
     fn weighed(&self, learned: &Learned, ids: &[u64]) -> Result<Vec<Vec<f64>>> {
         let error = |id: &u64, weight: f64| -> Result<f64> {
             let told = self.told(learned, *id, Some(weight))?;
@@ -128,8 +132,8 @@ impl Calibration {
         ids.iter().map(|id| WEIGHTS.iter().map(|weight| error(id, *weight)).collect()).collect()
     }
 
-    /// Best penalty by fold, from the other folds: for each pair of folds, learned without both and tested on the other
-    /// one.
+    /// Chooses the penalty for each fold from the other folds. For each pair of folds, parameters are learned without
+    /// both. Errors on one of them count for the penalty of the other.
     fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
         let count = folds.iter().map(Vec::len).max().unwrap_or(0);
         let mut sums = vec![[0.0; WEIGHTS.len()]; count];
@@ -225,7 +229,7 @@ impl Calibration {
         Ok(Runs { settings: self.clone(), notes, methods, lengths: lengths.into(), weights, judged })
     }
 
-    /// A log's folds: its own, or its trajectories dealt in turn.
+    /// Returns the folds that a log names, or else its trajectories dealt in turn to `splits` folds.
     fn folds(&self, log: &Log) -> Vec<Vec<u64>> {
         if !log.folds.is_empty() {
             return log.folds.clone();
@@ -235,15 +239,15 @@ impl Calibration {
     }
 }
 
-/// A subject fitted to trials.
+/// Fits parameters of a subject to trials, and returns the calibrated subject.
 fn fitted(subject: &Subject, parameters: &[Parameter], trials: &[Trial], config: FitConfig) -> Result<Subject> {
     let fit = subject.fit(parameters, trials, config, &mut |_, _| ())?;
     Ok(subject.with(parameters, &fit.values)?)
 }
 
 impl Runs {
-    /// Value of `of` over all trajectories at a length, and its 95 % interval from resampling trajectories with
-    /// replacement.
+    /// Returns `[value, low, high]` of `of` over all trajectories at a length. The 95 % interval comes from resampling
+    /// trajectories with replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
         let all = self.judged.iter().collect_vec();
         let mut rng = stream(self.settings.seed, 1);

@@ -6,7 +6,7 @@ use rand::{RngExt, seq::SliceRandom};
 
 use crate::prelude::*;
 
-/// Trials for training and for testing; no trajectory is in both.
+/// Trials for fitting and for testing; no trajectory is in both.
 pub(super) struct Parts {
     pub train: Vec<Trial>,
     pub judged: Vec<Trial>,
@@ -26,7 +26,7 @@ pub struct Scored {
 pub struct Split {
     pub judged: Vec<u64>,
     pub fit: FitOf,
-    /// As described, on the test part.
+    /// Errors of the robot as described, before calibration, on the test part.
     pub before: Scored,
     pub after: Scored,
     pub whole_before: Scored,
@@ -38,22 +38,23 @@ pub struct FitOf {
     pub values: Vec<f64>,
     pub objective: f64,
     pub evaluations: f64,
-    /// Wall time of the fit.
+    /// Wall time of the fit (s).
     pub seconds: f64,
 }
 
-/// Training share of the trajectories (%), the paper's 400 of 570; test share of the rest, its 85 of 170.
+/// Share of the trajectories used for fitting (%); the paper fits to 400 of 570.
 pub(super) const FITTED: usize = 68;
+/// Share of the other trajectories used for testing; the paper tests on 85 of 170.
 const JUDGED: f64 = 0.5;
-/// Bootstrap samples of the trajectories.
+/// Number of bootstrap samples of the trajectories.
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split; both parts must be non-empty.
+    /// Splits a log's trajectories at random; refuses a split with an empty part.
     pub fn new(log: &Log, trials: &[Trial], seed: u64) -> Result<Self> {
         let mut ids = ids(log);
         ids.shuffle(&mut stream(seed, 0));
-        // With few trajectories at least one stays for testing.
+        // Keeps at least one trajectory for testing.
         let first = (ids.len() * FITTED).div_ceil(100).min(ids.len().saturating_sub(1));
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect_vec();
@@ -94,19 +95,19 @@ impl Parts {
     }
 }
 
-/// Ids of a log's trajectories; pieces of one are listed once.
+/// Lists the ids of a log's trajectories; an id that several pieces share is listed once.
 pub(super) fn ids(log: &Log) -> Vec<u64> {
     log.trajectories.iter().map(|t| t.id).dedup().collect()
 }
 
-/// Distances of the predictor that nothing moves.
+/// Computes the distances of a predictor without motion, which repeats each trial's start.
 pub(super) fn still(log: &Log, trials: &[Trial]) -> Vec<Distance> {
     let none = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
     trials.iter().map(none).collect()
 }
 
 impl Scored {
-    /// Mean distances with intervals; whole trajectories are resampled with replacement.
+    /// Averages distances, with 95 % intervals from resampling whole trajectories with replacement.
     pub(super) fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));

@@ -6,7 +6,7 @@ use super::split::FITTED;
 use super::{Calibrated, CalibratedAll, Modelled, Scored, Split};
 use crate::prelude::*;
 
-/// A parameter is undetermined if the objective at its bounds rises by less than this share.
+/// A parameter is not determined if the objective at its bounds exceeds its minimum by less than this fraction.
 const FLAT: f64 = 0.01;
 
 impl CalibratedAll {
@@ -50,7 +50,7 @@ impl CalibratedAll {
         ))
     }
 
-    /// Cost and benefit of each fit.
+    /// Tables the evaluations, wall time, objective and test errors of each fit.
     pub(super) fn fits(&self) -> Table {
         let rows = self.fitted.iter().flat_map(|solver| {
             solver.splits.iter().enumerate().map(|(k, split)| {
@@ -102,7 +102,8 @@ impl CalibratedAll {
     }
 }
 
-/// Relative rise of the objective at the bound where it rises less, and whether the fit lies at the other bound.
+/// Returns the objective's relative rise from its minimum to the bound where it rises less. If the fit lies at a bound,
+/// the other bound counts, and the flag is true.
 fn rise(solver: &Calibrated, k: usize) -> Option<(f64, bool)> {
     let profile = solver.profiles.get(k)?;
     let fitted = solver.splits.first()?.fit.values[k];
@@ -132,7 +133,7 @@ fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>)
     [name.to_string()].into_iter().chain(distances.iter().map(|field| of(*field))).chain(end).collect()
 }
 
-/// A mean with its interval, as text.
+/// Writes a mean with its interval: `mean [low, high]`.
 pub(super) fn listed([mean, low, high]: [f64; 3]) -> String {
     format!("{} [{}, {}]", digits(mean), digits(low), digits(high))
 }

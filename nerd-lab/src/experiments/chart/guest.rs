@@ -1,6 +1,6 @@
 //! MuJoCo's points on a chart. Without contact, errors are measured against our converged reference. With contact
-//! MuJoCo solves another problem (soft constraints), so the reference is its own run at four times the most substeps.
-//! The errors then show convergence to MuJoCo's own answer, not distance from ours.
+//! MuJoCo solves another problem (soft constraints). The reference is then MuJoCo's own rollout at four times the most
+//! substeps. The errors then show convergence to MuJoCo's own answer, not distance from ours.
 
 use nerd_sim::instruments::Replay;
 
@@ -15,7 +15,7 @@ pub(super) fn referee(python: &Path, plan: &Plan) -> Result<Referee> {
     Referee::held(python, &plan.begun(), config.steps, config.held(system).as_ref(), *environments)
 }
 
-/// Settings to measure: integrator, series, substeps.
+/// Lists MuJoCo's settings to measure, as (integrator, series, substeps).
 pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
     let schemes: &[(Scheme, &str, usize)] = match (contact, card) {
         (_, true) => &[(Scheme::ImplicitFast, "MuJoCo Warp (against itself)", most)],
@@ -32,7 +32,8 @@ pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
-/// Points at powers of two of substeps; `ours` holds the frames of our converged reference, named `reference`.
+/// Measures MuJoCo's points at powers of two of substeps. `ours` has the frames of our converged reference, called
+/// `reference`.
 pub(super) fn points(
     mujoco: &mut Referee,
     plan: &Plan,

@@ -1,4 +1,4 @@
-//! Our own solvers, timed and compared with the reference.
+//! Times our own solvers, and compares them with the reference.
 
 use nerd_sim::instruments::{Recorder, Replay};
 
@@ -11,7 +11,7 @@ use nerd_train::{cost::timed, spec::Method as Stepping};
 
 type Frames = Vec<Vec<f64>>;
 
-/// Points of every method, and the frames of the reference.
+/// Measures the points of every method; also returns the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let Plan { system, scene, methods, .. } = plan;
     let implicit = plan.contact() || plan.implicit;
@@ -59,7 +59,7 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     Ok((data, converged))
 }
 
-/// Errors and time by series; on a GPU one series for each number format.
+/// Measures a method's errors and time; on a GPU, as one series for each number format.
 fn each(
     plan: &Plan,
     Method { spec, series, .. }: &Method,

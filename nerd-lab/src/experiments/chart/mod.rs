@@ -1,11 +1,11 @@
 //! Speed against accuracy: every solver of a scene on one chart.
 //!
-//! x: microseconds of a frame of one environment on one core. y: mean |dq| over the horizon from a converged reference,
-//! in passive motion from the robot's reset distribution. Time and error come from the same steps, so a broken
-//! simulation cannot be fast. Dashed lines show the reference's own error (its distance from half its substeps) and the
-//! error of repeating the start. A model of another engine is compared with that engine, since it cannot come nearer to
-//! our reference. MuJoCo takes part if a Python has it (`guest`). With `--device cuda` time is per frame among many
-//! environments on a GPU (`experiments/card.rs`).
+//! x: microseconds of a frame of one environment on one core. y: mean |dq| (rad or m) from a converged reference over
+//! the horizon. Motion is passive, from the robot's reset distribution. Time and error come from the same steps, so a
+//! broken simulation cannot be fast. Dashed lines show the reference's own error (its distance from half its substeps)
+//! and the error of repeating the start. A model of another engine is compared with that engine, since it cannot come
+//! nearer to our reference. MuJoCo takes part if `--mujoco` names a Python that has it (`guest`). With `--device cuda`
+//! time is per frame among many environments on a GPU (`experiments/card.rs`).
 //!
 //! `plan.rs` lists the solvers, `measure.rs` measures those with a [`SolverSpec`], and `guest.rs` measures another
 //! engine.
@@ -29,12 +29,12 @@ impl Experiment for Chart {
             .mujoco
             .as_ref()
             .map_or(0, |_| guest::settings(plan.contact(), plan.environments.is_some(), self.max_substeps).len());
-        // One setting of each solver suffices: a change of the solver shows in each.
+        // Adds one setting of each solver as an input: a change of the solver shows in any of its settings.
         let mut inputs = Inputs(vec![Input::robot(system)]);
         for (k, method) in methods.iter().enumerate() {
             let next = methods.get(k + 1).is_some_and(|next| next.series == method.series);
             if method.spec.asked().is_none_or(|n| n == 4 || (n < 4 && !next)) {
-                // One that gives up on the way has no end to be known by.
+                // Leaves out a solver that gives up: it has no final state to be identified by.
                 let _ = inputs.solver(&method.spec, &self.robot, &scene.name);
             }
             if let Some(own) = method.own {
@@ -49,12 +49,12 @@ impl Experiment for Chart {
     fn measure(&self) -> Result<Measured> {
         let plan = self.plan()?;
         plan.refused.iter().for_each(|line| tell!("{line}"));
-        // Started first, since it may be missing.
+        // Starts MuJoCo first, so that a missing one is reported before measuring.
         let mut referee = self.mujoco.as_ref().map(|python| guest::referee(python, &plan)).transpose()?;
         let all = || measure::all(&plan, self.max_substeps);
         let (mut data, reference) = if plan.environments.is_some() { all()? } else { on_one_core(all)? };
         if let Some(referee) = &mut referee {
-            // Our own points are kept if MuJoCo fails.
+            // Keeps our own points if MuJoCo fails.
             match guest::points(referee, &plan, self.max_substeps, &reference, &data.reference) {
                 Ok((points, against)) => {
                     data.points.extend(points);

@@ -1,4 +1,4 @@
-//! A chart's settings, and the methods and scene they name.
+//! A chart's settings, and the methods and scene that the settings name.
 
 use crate::roll::{begun, refusal};
 use crate::{describe::title, error::unused, prelude::*};
@@ -39,19 +39,19 @@ pub(super) struct Plan {
     pub system: Arc<System>,
     pub scene: Arc<Scene>,
     pub methods: Vec<Method>,
-    /// Series that are left out, with reasons.
+    /// Messages on the series that are left out, each with its reason.
     pub refused: Vec<String>,
     /// Whether forces act that explicit steps do not support.
     pub implicit: bool,
     pub protocol: PassiveConfig,
-    /// Environments stepped together on a GPU; `None` on the CPU.
+    /// Number of environments stepped together on a GPU; `None` on the CPU.
     pub environments: Option<usize>,
 }
 
 pub(super) struct Method {
     pub spec: SolverSpec,
     pub series: String,
-    /// Reference of this method, if other than the chart's.
+    /// Truth that this method is compared with, if not the chart's reference.
     pub own: Option<Truth>,
 }
 
@@ -60,9 +60,9 @@ impl Chart {
         let system = System::named(&self.robot)?;
         let scene = system.scene(&self.scene)?;
         let frames = [("--trajectories", self.trajectories), ("--frames", self.frames)];
-        // Keeps all states of the reference and of a model's own truth.
+        // Counts the states of the reference and of a model's own truth, which are all kept.
         bounds::memory(&frames, 16 * system.robot.state_dim())?;
-        // The reference has four times the substeps.
+        // Counts four times the substeps, which the reference has.
         bounds::time(&[frames[0], frames[1], ("4 x --max-substeps", 4 * self.max_substeps)])?;
         let card = self.device.is_cuda();
         unused(&[("--envs", !card && self.envs != Self::default().envs)], "without --device cuda")?;
@@ -71,7 +71,7 @@ impl Chart {
         let mut models = self.model.clone();
         if models.is_empty() {
             models = shipped::folders(&shipped::models(), &system.name)?;
-            // The prefix also matches robots with a longer name.
+            // Drops models of robots whose longer names begin with this name.
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
@@ -79,7 +79,7 @@ impl Chart {
         let implicit = system.held() || action != Action::Limp;
         let mut settings = analytic(!scene.colliders.is_empty(), implicit, self.max_substeps);
         settings.push(truth.into());
-        // Only `articulated` has kernels or drives.
+        // Keeps only `articulated` on a GPU or with drives: no other solver has kernels or drives.
         settings.retain(|setting| {
             !card && action == Action::Limp
                 || setting.config(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
@@ -111,7 +111,7 @@ impl Plan {
         !self.scene.colliders.is_empty()
     }
 
-    /// Environments at their starts.
+    /// Makes a batch of the chart's environments at their starts.
     pub fn begun(&self) -> Batch {
         begun(&self.system, &self.scene, self.protocol.starts, Start::Reset, self.protocol.seed)
     }
@@ -121,7 +121,7 @@ impl Plan {
     }
 }
 
-/// Analytic solvers at powers of two of substeps.
+/// Lists the analytic solvers, with powers of two as numbers of substeps.
 fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<SolverSpec> {
     let ours = |method, most| powers(most).map(move |n| SolverSpec::articulated(method, n));
     let mut specs: Vec<SolverSpec> = if implicit { Vec::new() } else { ours(Stepping::Euler, most).collect() };
@@ -133,7 +133,7 @@ fn analytic(contact: bool, implicit: bool, most: usize) -> Vec<SolverSpec> {
     } else if !implicit {
         specs.extend(ours(Stepping::Rk4, most.min(32)));
     }
-    // One step of 4 iterations is in the other series.
+    // Leaves out one step with the default iterations, which the other rapier series has.
     specs.extend(
         powers(most)
             .filter(|n| *n != RapierSpec::default().iterations)

@@ -11,19 +11,19 @@ pub(super) struct ChartData {
     pub scene: String,
     pub protocol: PassiveConfig,
     pub reference: String,
-    /// Distance of the reference from itself at half the substeps.
+    /// Error of the reference: its mean |dq| (rad or m) from itself at half the substeps.
     pub reference_error: f64,
-    /// Error of the predictor that repeats the start.
+    /// Mean |dq| (rad or m) of the predictor that repeats the start.
     pub hold: f64,
     pub points: Vec<Point>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mujoco: Option<Against>,
-    /// Environments stepped together, if timed on a GPU.
+    /// Number of environments stepped together, if timed on a GPU.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub environments: Option<usize>,
 }
 
-/// One mark on the chart.
+/// One mark on the chart: a solver at one setting.
 #[derive(Serialize)]
 pub(super) struct Point {
     series: String,
@@ -31,14 +31,15 @@ pub(super) struct Point {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spec: Option<SolverSpec>,
     substeps: Option<usize>,
-    /// Time of a frame of one environment: on one core the fastest of a few runs, or one among many on a GPU.
+    /// Wall time of a frame of one environment (us). On one core, it is the fastest of a few runs; on a GPU, a share of
+    /// many environments' time.
     microseconds: f64,
     pub error: f64,
-    /// Mean |difference| of each quantity.
+    /// Mean |dq| from the reference, by quantity (m or rad).
     by_coordinate: Vec<f64>,
     diverged: usize,
     front: bool,
-    /// Whether the error has a reference of its own; such a point is not on the front.
+    /// Whether the error is against another reference than the chart's; such a point is never on the front.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     own: bool,
     /// GPU memory of the process (MiB).
@@ -50,13 +51,13 @@ pub(super) struct Point {
 pub(super) struct Against {
     pub version: String,
     pub reference: String,
-    /// Distance of the reference from itself at half the substeps, if it is MuJoCo's own.
+    /// Error of a reference that is MuJoCo's own: its mean |dq| from itself at half the substeps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub reference_error: Option<f64>,
 }
 
 impl Point {
-    /// A measured point; `own` if its reference is not the chart's.
+    /// Makes a measured point; `own` is true if its reference is not the chart's.
     pub fn new(
         series: &str,
         substeps: Option<usize>,
@@ -79,13 +80,14 @@ impl Point {
 }
 
 impl ChartData {
-    /// Marks the Pareto front; points with a reference of their own are excluded.
+    /// Marks the points on the Pareto front; points with another reference than the chart's are excluded.
     pub fn mark(&mut self) {
         let race = self.points.iter().map(|p| (!p.own).then_some((p.microseconds, p.error))).collect_vec();
         self.points.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
     }
 
-    /// Time of a point outside the front, as a multiple of the front's time at the same error (log-log interpolation).
+    /// Time of a point with another reference, as a multiple of the front's time at the same error (log-log
+    /// interpolation). `None` for other points, and for errors outside the front's range.
     fn times(&self, p: &Point) -> Option<f64> {
         let mut ours = self.points.iter().filter(|p| p.front).collect_vec();
         ours.sort_by(|a, b| a.error.total_cmp(&b.error));
@@ -132,7 +134,7 @@ impl ChartData {
     }
 
     pub fn figure(&self) -> Figure {
-        // Solvers worse than repeating the start are in the table; they would flatten the figure.
+        // Leaves out solvers whose error is twice that of repeating the start, which would flatten the figure.
         let shown = self.points.iter().filter(|p| p.error < 2.0 * self.hold);
         let marks = shown.map(|p| Mark {
             series: &p.series,
@@ -141,7 +143,7 @@ impl ChartData {
             label: p.word(),
             front: p.front,
         });
-        // A reference far below every solver would only stretch the figure.
+        // Leaves out the reference's error if it is far below every solver's, which would stretch the figure.
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];
         levels.extend(

@@ -1,4 +1,4 @@
-//! `articulated`, calibrated on each robot of a family by itself, from the frames that models see of it.
+//! Calibrates `articulated` to each robot of a family separately, from the frames that models see of the robot.
 
 use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject, Trial};
 use nerd_sim::rig::{LATEST, Motors};
@@ -7,11 +7,11 @@ use rayon::prelude::*;
 
 use crate::prelude::*;
 
-/// Frames of a fitted rollout; longer ones diverge while the parameters are still wrong.
+/// Frames of a fitted rollout; longer rollouts diverge while the parameters are still wrong.
 const LENGTH: usize = 30;
 
-/// Pieces with robots calibrated on the frames seen: masses, centres of mass, joint damping and friction, torque
-/// factors, sensor zeros, torque delay. `None` if no frame is seen.
+/// Returns `pieces` with each robot calibrated to the frames seen of it; `None` if no frame is seen. Fits masses,
+/// centres of mass, joint damping and friction, torque factors, sensor zeros and torque delay.
 pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>> {
     if pieces.before == 0 {
         return Ok(None);
@@ -41,7 +41,7 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
     Ok(Some(Pieces { systems, ..described }))
 }
 
-/// Parameters to fit, of the links, joints and motors.
+/// Lists the parameters to fit, of the links, joints and motors.
 fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
     let links = system.robot.links.iter().filter(|link| link.inertia.mass > 0.0);
     let links = links.flat_map(|link| ["mass", "com.x", "com.y", "com.z"].map(|what| format!("{what}:{}", link.name)));
@@ -52,12 +52,12 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
     let names = links.chain(brakes).collect_vec();
     let named = names.iter().map(|name| Parameter::named(system, name)).collect::<Result<Vec<_>, _>>()?;
     let mut driven = Parameter::driven(system)?;
-    // Up to the largest delay that a family may have.
+    // Sets the delay's upper bound to the largest delay that a family may have.
     driven.iter_mut().filter(|p| p.name == "delay").for_each(|p| p.high = LATEST);
     Ok([named, driven].concat())
 }
 
-/// Frames seen of the k-th robot, cut into rollouts.
+/// Cuts the frames seen of the k-th robot into rollouts.
 fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
     let d = pieces.system.robot.state_dim();
     let nq = pieces.system.robot.nq();

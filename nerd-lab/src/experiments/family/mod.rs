@@ -1,9 +1,9 @@
-//! Held-out robots of a family: solver errors by the number of frames seen before the rollout.
+//! Measures solver errors on held-out robots of a family, by the number of frames seen before the rollout.
 //!
-//! Starts and torques are the same for every number of frames seen, so an error that falls shows knowledge of the
-//! robot. Baselines are `articulated` on the robot as described, and with all drawn parameters except torque ripple:
-//! the best of the equations. A solver adapts to a robot in two ways: a network with memory sees its frames, and
-//! `articulated` is calibrated on them.
+//! Starts and torques are the same for every number of frames seen. An error that falls with this number thus shows
+//! knowledge of the robot. Baselines are `articulated` on the robot as described, and on the robot with all drawn
+//! parameters except torque ripple. The latter is the best that the equations can do. A solver adapts to a robot in one
+//! of two ways. A network with memory sees the robot's frames; `articulated` is calibrated to them.
 
 mod calibrated;
 
@@ -47,9 +47,9 @@ pub struct Row {
     pub of: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// By the number of frames seen; `None` without a result.
+    /// Errors by the number of frames seen, in the order of `context_frames`; `None` without a result.
     pub reports: Vec<Option<PassiveReport>>,
-    /// Microseconds of a frame of one robot, on all threads.
+    /// Wall time of a frame of one robot on all threads (us).
     pub microseconds: f64,
     /// Calibration time of one robot from the most frames seen, on one core (s).
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -57,7 +57,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// Mean error over the quantities at the k-th number of frames, and the largest standard error.
+    /// Mean error over the quantities at the k-th number of frames seen, and the largest standard error of a quantity.
     fn error(&self, k: usize) -> Option<[f64; 2]> {
         let report = self.reports[k].as_ref()?;
         Some([mean(&report.error), report.standard_error.iter().copied().fold(0.0, f64::max)])
@@ -73,7 +73,8 @@ impl Family {
         Ok(system)
     }
 
-    /// The robot that a family extends; for a family from a file, a file beside it comes first.
+    /// Loads the robot `name` that a family varies. For a family from a file, a file of that name beside it comes
+    /// first.
     fn beside(&self, name: &str) -> Result<Arc<System>> {
         let file = Path::new(&self.robot)
             .extension()
@@ -81,7 +82,7 @@ impl Family {
         Ok(System::named(file.filter(|file| file.exists()).as_deref().and_then(Path::to_str).unwrap_or(name))?)
     }
 
-    /// The robots' motions, with the longest history.
+    /// Records the robots' motions in the truth, with the longest history of `context_frames`.
     pub fn pieces(&self) -> Result<Pieces> {
         let system = self.system()?;
         let before = self.context_frames.iter().copied().max().unwrap_or(0);
@@ -131,7 +132,7 @@ impl Family {
         for folder in &self.model {
             let config = ModelConfig::read(folder)?;
             let own = config.robot == system.name;
-            // A model of the base robot runs on the robot as described.
+            // Runs a model of the base robot on the robot as described, without drawn parameters.
             let (pieces, like) = if own {
                 (pieces.clone(), system.clone())
             } else {
@@ -158,13 +159,13 @@ impl Family {
         Ok(rows)
     }
 
-    /// Microseconds of a frame of one robot, from the time spent on all steps.
+    /// Wall time of a frame of one robot (us), from the time spent on all steps.
     fn pace(&self, spent: Duration) -> f64 {
         let steps = self.context_frames.iter().map(|seen| seen + self.frames).sum::<usize>() * self.trajectories;
         1e6 * spent.as_secs_f64() / steps as f64
     }
 
-    /// The analytic solver, calibrated anew for each number of frames seen.
+    /// Measures the analytic solver, calibrated anew for each number of frames seen.
     fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
         let mut reports = Vec::new();
         let mut seconds = 0.0f64;

@@ -1,6 +1,6 @@
-//! Errors of contact points along unseen motions in new scenes, and the time of a frame.
+//! Measures errors of contact points along unseen motions in new scenes, and the time of a frame.
 //!
-//! Starts, scenes and torques are drawn as for a data set ([`nerd_sim::dataset::begin`]), from another seed. The
+//! Starts, scenes and torques are drawn as for a dataset ([`nerd_sim::dataset::begin`]), from another seed. The
 //! reference is the implicit step with four times the finest solver's substeps. An error is the mean distance (m) of
 //! contact points (a cable's nodes) from the reference. Time and error come from the same frames.
 
@@ -45,13 +45,13 @@ pub struct MotionErrors {
 pub struct Row {
     pub series: String,
     pub substeps: Option<usize>,
-    /// Time of a frame of one environment on one core; `None` for a predictor without dynamics.
+    /// Wall time of a frame of one environment on one core (us); `None` for a predictor without dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) by frame, over motions that are not lost; empty if all are lost.
+    /// Mean distance from the reference (m) by frame, over motions that are not lost; empty if all are lost.
     pub curve: Vec<f64>,
-    /// Mean distance (m) of each motion that is not lost.
+    /// Mean distance from the reference (m) of each motion that is not lost.
     pub motions: Vec<f64>,
-    /// Motions that the solver could not continue, or that went too far; excluded from all other figures.
+    /// Number of motions that the solver gave up, or that went too far; the row's other figures leave them out.
     pub lost: usize,
 }
 
@@ -60,7 +60,7 @@ impl Motions {
         format!("motions-{}", Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy())
     }
 
-    /// What is compared with the reference, beside two predictors that know no dynamics.
+    /// Lists the solvers to compare with the reference; two predictors without dynamics come on top.
     fn settings(&self) -> Vec<SolverSpec> {
         powers(self.max_substeps)
             .map(SolverSpec::implicit)
@@ -81,7 +81,7 @@ impl Motions {
         let frames = [("--trajectories", self.trajectories), ("--frames", self.frames)];
         bounds::memory(&frames, 64 * system.robot.state_dim())?;
         bounds::time(&[frames[0], frames[1], ("4 x --max-substeps", finest)])?;
-        // A model of another robot is refused before the reference is made.
+        // Builds all solvers first: a model of another robot is refused before the reference is rolled out.
         let solvers =
             settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
         let bar = bar("solvers", settings.len() as u64 + 1);
@@ -112,7 +112,7 @@ impl Motions {
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
         let Self { trajectories: starts, frames, seed, .. } = *self;
         let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };
-        // One by one: a batch of a few motions would keep a core or two busy.
+        // Records each motion in its own batch, in parallel: one batch of few motions would use few cores.
         let one = |env: usize| {
             Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?)
         };
@@ -132,7 +132,7 @@ impl Motions {
 }
 
 impl Row {
-    /// `setting` is None for a predictor that knows no dynamics.
+    /// Computes the errors of a rollout; `setting` is `None` for a predictor without dynamics.
     fn new(series: &str, setting: Option<&SolverSpec>, rollout: Rollout, recorded: &Recorded) -> Result<Self> {
         let (curve, motions) = distances(&rollout.points, &recorded.points, &rollout.failed, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;

@@ -4,17 +4,17 @@ use nerd_train::cost::each;
 
 use crate::prelude::*;
 
-/// A motion is lost if its error exceeds this factor times the largest recorded distance from the origin.
+/// A motion is lost if a frame's mean distance exceeds this factor times the largest recorded distance from the origin.
 const FAR: f64 = 10.0;
 
 /// Contact points (m, world): `[frame][motion][point]`.
 pub type Points = Vec<Vec<Vec<Vector3<f64>>>>;
 
-/// Motions of the reference.
+/// Motions that were recorded with the reference solver.
 pub struct Recorded {
-    /// An environment for each motion, at its start and in its scene.
+    /// Batch with one environment for each motion, at the motion's start and in its scene.
     pub start: Batch,
-    /// `[motion][frame][joint]`.
+    /// Torques `[motion][frame][joint]` (N m or N).
     pub torques: Vec<f64>,
     pub points: Points,
     pub frames: usize,
@@ -22,9 +22,9 @@ pub struct Recorded {
 
 pub struct Rollout {
     pub points: Points,
-    /// Time of a frame of one environment.
+    /// Wall time of a frame of one environment (us).
     pub microseconds: f64,
-    /// Whether the solver could not continue, by motion.
+    /// Whether the solver gave up, by motion.
     pub failed: Vec<bool>,
 }
 
@@ -33,7 +33,7 @@ impl Recorded {
         let mut batch = self.start.clone();
         let robot = &self.start.system.robot;
         let n = self.start.len();
-        // An untimed first frame: it allocates memory for all others.
+        // Steps once untimed, so that memory is allocated before timing.
         if let Err(error) = solver.step(&mut batch.clone(), &self.torques_of(0)) {
             error.faults()?;
         }
@@ -50,7 +50,7 @@ impl Recorded {
             if let Err(error) = stepped {
                 for fault in error.faults()? {
                     failed[fault.env] = true;
-                    // Restarted so that the frame costs as much as before; the motion no longer counts.
+                    // Resets the failed motion, so that frames cost as much as before; its errors no longer count.
                     batch.reset(fault.env, self.start.state(fault.env));
                     solver.reset(fault.env);
                 }
@@ -60,7 +60,7 @@ impl Recorded {
         Ok(Rollout { points, microseconds: each(spent, n * self.frames), failed })
     }
 
-    /// Torques of all motions in a frame.
+    /// Torques of all motions in a frame, `[motion][joint]`.
     fn torques_of(&self, frame: usize) -> Vec<f64> {
         let joints = self.start.system.robot.joint_count();
         (0..self.start.len())
@@ -75,8 +75,9 @@ pub fn contact_points(robot: &Robot, state: &[f64], data: &mut Data) -> Vec<Vect
     robot.contact_points.iter().map(|p| point_position(data, p.link, &p.local)).collect()
 }
 
-/// Mean distance (m) by frame, and by motion, over motions that are not lost. A motion is lost if the solver failed or,
-/// with `solves`, if it went too far; a predictor without dynamics may go anywhere.
+/// Mean distance (m) of `points` from `recorded`, by frame and by motion, over motions that are not lost. A motion is
+/// lost if the solver failed, or with `solves` if the distance exceeded the bound of `FAR`. For predictors without
+/// dynamics, which may go anywhere, `solves` is false.
 pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
     let distance = |frame: usize, env: usize| {
         let pairs = points[frame][env].iter().zip(&recorded[frame][env]);
@@ -96,7 +97,7 @@ pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bo
 mod tests {
     use super::*;
 
-    /// Three motions of one point over two frames: the solver loses one, and another leaves for one frame.
+    /// Three motions of one point over two frames: the solver fails on one, another goes too far in one frame.
     #[test]
     fn what_is_lost_is_in_no_mean() {
         let at = |x: f64| vec![Vector3::new(x, 0.0, 0.0)];

@@ -43,7 +43,7 @@ impl Motions {
         let mut levels: Vec<(f64, String)> = Vec::new();
         for row in data.rows.iter().filter(|row| row.microseconds.is_none()) {
             let error = mean(&row.motions);
-            // For motions from rest both predictors agree, so they share a line.
+            // Gives both predictors one line if they agree, as they do for motions from rest.
             match levels.iter_mut().find(|(other, _)| (other / error - 1.0).abs() < 0.02) {
                 Some((_, name)) => *name += &format!(", {}", row.series),
                 None => levels.push((error, row.series.clone())),

@@ -1,9 +1,9 @@
 //! Passive motion (the verb `evaluate`): drift of a solver from the truth, and of a model from its own truth.
 //!
-//! [`nerd_train::evaluate`] rolls out and computes the errors: the mean absolute difference of each coordinate over all
-//! steps and trajectories, from the robot's reset distribution without torques. Beside them stand the floor `hold`
-//! (repeating the start), the paper's figure and the number of diverged rollouts. A paper-size network takes about 0.5
-//! ms per environment and frame on two cores, a tenth if it streams.
+//! [`nerd_train::evaluate`] rolls out without torques from the robot's reset distribution. An error is the mean
+//! absolute difference of a coordinate over all steps and trajectories. Listed beside them are the error `hold` of
+//! repeating the start, the paper's error and the number of diverged rollouts. A paper-size network takes about 0.5 ms
+//! per environment and frame on two cores, a tenth if it streams.
 
 mod recorded;
 mod rows;
@@ -61,7 +61,8 @@ settings! {
 pub struct Case {
     pub robot: String,
     pub solver: SolverSpec,
-    /// What it is compared with; none stands for what a model learned, else the robot's own.
+    /// Truth that the solver is compared with. `None` stands for the truth that a model learned, or else the robot's
+    /// own.
     pub truth: Option<Truth>,
     pub asked: Protocol,
 }
@@ -81,11 +82,11 @@ impl Case {
         models.sort();
         let case = |(_, robot, folder): (usize, String, PathBuf)| {
             let mut asked = asked.clone();
-            // rapier as a truth costs a hundred times as much as ours.
+            // Takes a quarter of the trajectories: rapier as a truth costs a hundred times as much as `articulated`.
             if ModelConfig::truth_of(&folder)? == Truth::Rapier {
                 asked.trajectories = asked.trajectories.div_ceil(4);
             }
-            // Franka holds still without torques, so its model is tested under random ones.
+            // Franka holds still without torques, so its model is tested under random torques.
             if robot.starts_with("franka") {
                 asked.torque_scale = 1.0;
             }
@@ -112,7 +113,7 @@ struct Asked {
 }
 
 impl Passive {
-    /// Resolves all names of the cases, which share one seed, into a result called `name`.
+    /// Resolves the robots, scenes and solvers that the cases name. The cases share one seed; `name` is the result's.
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
@@ -165,7 +166,7 @@ impl Passive {
         }
         bar.finish();
         for (asked, row) in self.asked.iter().zip(&mut rows) {
-            // Keeps the rows if a verdict fails.
+            // Reports a verdict that fails, and keeps its row.
             let found = asked.verdict().inspect_err(|error| tell!("{}: no verdict: {error:#}", asked.system.name));
             row.verdict = found.unwrap_or_default();
         }
@@ -173,7 +174,7 @@ impl Passive {
     }
 }
 
-/// Refuses a comparison of a solver with itself, and more work or memory than allowed.
+/// Refuses a comparison of a solver with itself, and more work or memory than `bounds` permits.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
     let trajectories = case.asked.trajectories;
     if case.solver.moves_as(&truth.into(), system, scene) && case.asked.velocity_noise == 0.0 {
@@ -183,7 +184,7 @@ fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize
             truth.name()
         );
     }
-    // Two batches with what their solvers keep, sums over steps, working memory of the truth.
+    // Bytes per trajectory: two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = bytes(&case.solver)?.saturating_add(1024 * system.robot.state_dim());
     bounds::memory(&[("--trajectories", trajectories)], bytes)?;
     let substeps = case.solver.substeps(system).max(system.spec.substeps);
@@ -215,7 +216,7 @@ impl Asked {
         })
     }
 
-    /// The model's verdict against its own truth; `None` for perturbed solvers and other truths.
+    /// Computes the model's verdict against its own truth; `None` for perturbed solvers and other truths.
     fn verdict(&self) -> Result<Option<Verdict>> {
         let Self { case, system, scene, truth, protocol, .. } = self;
         let Some(folder) = case.solver.folder() else { return Ok(None) };

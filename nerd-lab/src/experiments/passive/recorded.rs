@@ -1,4 +1,4 @@
-//! A model of recorded motion, compared with held-out trajectories.
+//! Compares a model of recorded motion with held-out trajectories.
 
 use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured as Log;
@@ -10,7 +10,7 @@ use super::Protocol;
 use crate::experiments::card;
 use crate::{error::unused, prelude::*};
 
-/// Environments stepped together on a GPU.
+/// Number of environments stepped together on a GPU.
 #[cfg(feature = "cuda")]
 const TOGETHER: usize = 8192;
 
@@ -35,7 +35,7 @@ pub struct Found {
 }
 
 impl Recorded {
-    /// The model in a folder and the log at `path`; with `card` the model is also timed on a GPU.
+    /// Loads the model in `folder` and the log at `path`. With `card`, the model is also timed on a GPU.
     pub fn new(name: &str, path: &Path, folder: &Path, asked: &Protocol, card: bool) -> Result<Self> {
         built_for(card)?;
         let usual = Protocol::default();

@@ -23,9 +23,9 @@ pub struct Row {
     pub truth: String,
     pub protocol: PassiveConfig,
     pub report: PassiveReport,
-    /// Published errors, for the reference simulator's preset alone.
+    /// The paper's errors; only for the truth that is the reference simulator's preset.
     pub paper: Option<Vec<f64>>,
-    /// The model's verdict, from the first of the starts.
+    /// The model's verdict, measured from the first of the starts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub verdict: Option<Verdict>,
 }
@@ -64,7 +64,7 @@ impl Rows {
         )
     }
 
-    /// Verdicts of the models, if there are any: a table, and a line for each.
+    /// Tables the models' verdicts, with a line for each in the note; `None` without verdicts.
     pub fn verdicts(&self) -> Option<Table> {
         let verdicts = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect_vec();
         let quantities = verdicts.first()?.quantities.join(" / ");
@@ -81,7 +81,8 @@ impl Rows {
         Some(Table::new("verdict", ["robot, scene"].iter().chain(&Verdict::HEADER)).with(cells).noted(note))
     }
 
-    /// The default model of each robot and truth; of a robot's grounds the one with the largest error.
+    /// Tables the default model of each robot and truth. Of a robot's scenes with contact, only the one with the
+    /// largest error is listed.
     pub fn summary(&self) -> Table {
         let usual = |r: &&Row| {
             let default = |truth: Truth| shipped::from_root(&shipped::model(truth, &r.robot));
@@ -91,7 +92,7 @@ impl Rows {
         if rows.is_empty() {
             rows = self.rows.iter().collect();
         }
-        // Contact-free motion has a line of its own.
+        // Gives contact-free motion a row of its own.
         fn group(row: &Row) -> (&str, &str, &str, bool) {
             (&row.robot, &row.method, &row.truth, row.scene == "free")
         }
@@ -114,7 +115,7 @@ impl Rows {
         Table::new("summary", header).with(lines)
     }
 
-    /// Error over frames, a line for each of the robot's rows; `None` if there are none.
+    /// Plots error against frame, with a line for each row of the robot; `None` without rows.
     pub fn growth(&self, robot: &str) -> Option<Figure> {
         let line = |row: &Row| {
             let points = row.report.curve.iter().zip(1..).map(|(error, frame)| (f64::from(frame), *error));
@@ -125,7 +126,7 @@ impl Rows {
         (!series.is_empty()).then(|| Figure::lines(format!("{robot}: passive motion"), axes, series))
     }
 
-    /// Agreement with another measurement of the same rows, in words; `None` if no row is in both.
+    /// Describes how far two measurements of the same rows agree; `None` if no row is in both.
     pub fn agreement(&self, other: &Self) -> Option<String> {
         let pairs = self.rows.iter().filter_map(|a| Some((a, other.rows.iter().find(|b| a.measures(b))?)));
         let apart = pairs.map(|(a, b)| (a.apart(b), a)).collect_vec();
@@ -150,7 +151,7 @@ impl Row {
             && (self.model.is_none() || other.model.is_none() || self.model == other.model)
     }
 
-    /// Largest difference of the errors, in combined standard errors.
+    /// Largest difference between the errors of both rows, in units of their combined standard error.
     fn apart(&self, other: &Self) -> f64 {
         let a = &self.report;
         let b = &other.report;
@@ -166,7 +167,7 @@ impl Row {
         self.system().map_or_else(|| figures.to_vec(), |system| summary(&system, figures))
     }
 
-    /// The built-in robot with this name, if its quantities match; a user's file may have the same name.
+    /// Returns the built-in robot with the row's name, if its quantities match. A user's file may have the same name.
     fn system(&self) -> Option<Arc<System>> {
         System::named(&self.robot).ok().filter(|system| quantities(system).len() == self.report.error.len())
     }
@@ -185,7 +186,7 @@ impl Row {
     }
 }
 
-/// A line for each shipped model without a verdict, or with a scene in which it is not worth its network. Models of the
+/// Lists shipped models that have no verdict, or a scene in which they are not worth their network. Models of the
 /// reference simulator (taken as in the paper) and cables (no linear map) are left out.
 pub fn unworthy(manifest: &Manifest, results: &Path, models: &Path) -> Result<Vec<String>> {
     let measured = manifest.artefact.iter().filter_map(|entry| Artifact::read(results, &entry.name).ok());

@@ -1,5 +1,5 @@
-//! The strict protocol: policies with new seeds are trained in a frozen model. All are played in the model and in its
-//! truth.
+//! The strict protocol: policies with new seeds are trained in a frozen model. All policies are then played in the
+//! model and in its truth.
 
 use nerd_train::ppo::{PolicyRun, folder};
 
@@ -28,7 +28,7 @@ impl Policies {
         Ok(runs)
     }
 
-    /// Number of policies of the protocol, and their inputs.
+    /// Counts the policies of the strict protocol, and collects the inputs of their episodes.
     pub(super) fn frozen(&self) -> Result<(usize, Inputs)> {
         let runs = self.plan()?;
         let mut inputs = Inputs::default();
@@ -36,7 +36,7 @@ impl Policies {
         Ok((runs.len(), inputs))
     }
 
-    /// Folders of all policies; missing ones are trained.
+    /// Trains the policies that are missing, and returns the folders of all.
     pub(super) fn train(&self) -> Result<Vec<PathBuf>> {
         let runs = self.plan()?;
         for (k, run) in runs.iter().enumerate() {
@@ -52,7 +52,7 @@ impl Policies {
     }
 }
 
-/// Whether the run's policy is complete. An error if it has other settings or another arena.
+/// Whether the run's policy is complete. Fails if the policy has other settings or was trained in another arena.
 fn done(run: &PolicyRun) -> Result<bool> {
     let path = run.out.join("policy");
     if !path.join("config.json").exists() {

@@ -1,5 +1,5 @@
-//! Policies in the truth and in the learned simulator, by the paper's protocol: episodes under mean actions from equal
-//! starts, beside the paper's figures.
+//! Plays policies in the truth and in the learned simulator, by the paper's protocol. Episodes have mean actions and
+//! equal starts; rewards are listed beside the paper's.
 
 use nerd_train::ppo::folder::{self, PolicyConfig};
 use nerd_train::{ppo::Policy, shipped::from_root};
@@ -97,7 +97,7 @@ impl Policies {
         Ok((folder, truth))
     }
 
-    /// Number of the given policies, and the inputs of their episodes.
+    /// Counts the given policies, and collects the inputs of their episodes.
     fn given(&self) -> Result<(usize, Inputs)> {
         let folders = self.folders()?;
         let mut inputs = Inputs::default();
@@ -108,7 +108,7 @@ impl Policies {
         Ok((folders.len(), inputs))
     }
 
-    /// The truth of a task's policies; with --family, of its robots and on the device.
+    /// Returns the arena of a task's truth; with --family, on the family's robots and on --device.
     fn home(&self, task: &str, truth: Truth) -> Result<Arena> {
         let Some(family) = &self.family else { return Ok(truth.into()) };
         if self.device != Device::Cpu && truth == Truth::Rapier {
@@ -125,7 +125,7 @@ impl Policies {
             let arena = self.home(task, truth)?;
             let path = Path::new(family);
             if path.exists() {
-                // A user's file cannot be found by a robot's name.
+                // Adds a user's files by content, since no robot's name leads to them.
                 inputs.add(Input::files(family, &[path.into(), path.with_extension("toml")])?);
             } else {
                 inputs.add(Input::robot(&*System::named(family)?));
@@ -138,7 +138,7 @@ impl Policies {
         Ok(())
     }
 
-    /// A row for every policy, and one of zero actions for each task outside the built-in list.
+    /// Makes a row for every policy. Each task outside the built-in list also gets a row of zero actions.
     fn rows(&self, folders: &[PathBuf]) -> Result<Vec<Row>> {
         let mut all = Vec::new();
         for path in folders {

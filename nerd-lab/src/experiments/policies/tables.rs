@@ -11,7 +11,7 @@ pub struct Row {
     pub truth: String,
     pub model: Option<String>,
     pub games: usize,
-    /// The gap (percent) of the truth itself at half its substeps.
+    /// Gap (%) of the reward in the truth at half its substeps, compared with the truth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub half: Option<f64>,
     #[serde(flatten)]
@@ -19,23 +19,23 @@ pub struct Row {
     /// Share of episodes that ended early; for families and for tasks outside the built-in list.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fell: Option<f64>,
-    /// The task's tolerance and its unit.
+    /// Tolerance on the task's error, and its unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<(f64, String)>,
-    /// Terms of the reward in the truth, mean per step.
+    /// Reward terms in the truth, as (name, mean per step).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub terms: Vec<(String, f64)>,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
 
-/// The gap with its standard error, if known.
+/// Writes the gap (%) with its standard error, if known.
 fn percent(rewards: &Compared) -> Option<String> {
     let error = rewards.gap_error.map_or_else(String::new, |error| format!(" +- {error:.2}"));
     rewards.gap.map(|gap| format!("{gap:+.2}{error}"))
 }
 
-/// Name of a policy's folder; of a run's own `policy` folder, the run's name.
+/// Returns the name of a policy's folder; for `RUN/policy`, the name of the run.
 pub fn short(policy: &str) -> String {
     policy.strip_suffix("/policy").unwrap_or(policy).rsplit('/').next().unwrap_or_default().into()
 }
@@ -80,8 +80,8 @@ pub fn each(rows: &[Row]) -> Table {
     table
 }
 
-/// Reward terms, a line each and a column for each policy; `None` without terms. The zero-action policy shares one
-/// column over all tasks. Policies of one task with equal short names appear by path.
+/// Tables reward terms, with a row for each term and a column for each policy; `None` without terms. The zero-action
+/// policies of all tasks share one column. Policies of one task with equal short names are named by path.
 pub fn terms(rows: &[Row]) -> Option<Table> {
     let alike = |a: &Row, b: &Row| a.task == b.task && a.policy != b.policy && short(&a.policy) == short(&b.policy);
     let called =
@@ -107,13 +107,13 @@ pub fn terms(rows: &[Row]) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new("terms", header).with(lines).noted("In the truth, mean of all steps."))
 }
 
-/// An error in the task's unit; for a task without one, as a share of the tolerance.
+/// Writes an error in the task's unit; for a task without unit, as a multiple of the tolerance.
 fn in_unit(row: &Row, error: f64) -> String {
     let (tolerance, unit) = row.tolerance.as_ref().map_or((1.0, ""), |(tolerance, unit)| (*tolerance, unit));
     format!("{:.3}{}{unit}", error * tolerance, if unit.is_empty() { "" } else { " " })
 }
 
-/// `gaps` without the last column, the gaps by seed.
+/// Returns the table of `gaps` without its last column, which lists the gap of each seed.
 pub fn summary(rows: &[Row]) -> Table {
     let mut table = gaps(rows);
     table.name = "summary".into();
@@ -121,7 +121,7 @@ pub fn summary(rows: &[Row]) -> Table {
     table
 }
 
-/// Gaps by task and seed, and rewards in the truth.
+/// Tables gaps by task and seed, and rewards in the truth.
 pub fn gaps(rows: &[Row]) -> Table {
     let lines = rows.iter().map(|r| &*r.task).unique().map(|task| {
         let own = || rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural"));
@@ -149,7 +149,8 @@ pub fn gaps(rows: &[Row]) -> Table {
     Table::new("fresh", header).with(lines).noted(note)
 }
 
-/// Mean episode reward over seconds of training, from `curve.csv` in the policies' folders; older folders have none.
+/// Plots mean episode reward against training time (s), from `curve.csv` in the policies' folders. Older folders have
+/// no such file.
 pub fn curves(folders: &[PathBuf]) -> Option<Figure> {
     let series = folders.iter().filter_map(|folder| {
         let text = nerd_sim::files::read_text(&folder.join("curve.csv")).ok()?;

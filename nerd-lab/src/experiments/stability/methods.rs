@@ -1,4 +1,4 @@
-//! The columns of the stability map.
+//! The methods under test: the columns of the stability map.
 
 use nerd_suite::Method;
 use nerd_train::spec::Method as Stepping;
@@ -14,7 +14,7 @@ pub fn known() -> Vec<Method> {
         .into()
 }
 
-/// The truth of models: implicit with the robot's own number of substeps.
+/// The default truth of models: the implicit method with the robot's own number of substeps.
 pub fn accurate() -> Method {
     method("accurate", SolverSpec::default())
 }
@@ -28,7 +28,7 @@ pub fn paper() -> Method {
     method("paper", Truth::Paper.into()).made_as("paper")
 }
 
-/// A solver by its text, and at four times its substeps.
+/// Makes a method of a solver; rows of self-convergence use the solver at four times its substeps.
 pub fn method(name: impl Into<String>, spec: SolverSpec) -> Method {
     made(name.into(), spec, |spec, system| Ok(spec.solver(system, 1)?))
 }

@@ -16,7 +16,7 @@ pub struct StabilityMap {
 }
 
 impl StabilityMap {
-    /// Figures with marks: none for a pass, `!` degraded, `!!` failed, `lost` if the solver gave up.
+    /// Tables the figures with marks: none for a pass, `!` degraded, `!!` failed, `lost` if the solver gave up.
     fn table(&self) -> Table {
         let mark = |c: &Cell| match c.verdict {
             _ if c.lost.is_some() => " lost",
@@ -36,7 +36,7 @@ impl StabilityMap {
     }
 }
 
-/// The suite under a set of methods.
+/// An experiment that runs rows of the suite under a set of methods.
 pub struct Stability {
     name: String,
     suite: Suite,
@@ -44,12 +44,12 @@ pub struct Stability {
 }
 
 impl Stability {
-    /// Rows whose names contain one of `words`, or all, under all analytic methods.
+    /// Selects the rows whose names contain one of `words` (all rows if empty), under all analytic methods.
     pub fn new(words: &[String]) -> Result<Self> {
         Self::of("stability", words, known())
     }
 
-    /// The same rows in MuJoCo, beside the truths and rapier.
+    /// Selects rows like `new`, under MuJoCo and three of our methods.
     pub fn beside_mujoco(words: &[String], python: &Path) -> Result<Self> {
         let mut methods = known()
             .into_iter()
@@ -59,7 +59,7 @@ impl Stability {
         Self::of("stability-mujoco", words, methods)
     }
 
-    /// The same rows on a GPU in f32 and f64, each beside the CPU's solver.
+    /// Selects rows like `new`, under two solvers on the CPU, and on a GPU in f32 and f64.
     pub fn on_device(words: &[String]) -> Result<Self> {
         built_for(true)?;
         let mut methods = Vec::new();
