@@ -5,9 +5,9 @@
 //! base), taken as inertial. Every spatial vector of the robot is expressed in this frame. So no transform between
 //! links is needed, and numbers stay small however far the robot is from the world's origin.
 //!
-//! [`Data`]'s methods are the interface. The stages behind them take velocities as slices in the local form
-//! ([`crate::velocity`]) and allocate nothing. Their docs name the calls they need. The stages take and return spatial
-//! accelerations of a floating root, `(w_dot, p_ddot - w x p_dot)`.
+//! The methods of [`Data`] are the interface. The stages behind these methods take velocities as slices in the local
+//! form ([`crate::velocity`]) and allocate nothing. The docs of a stage name the stages that must run before it. For a
+//! floating root the stages take and return spatial accelerations, `(w_dot, p_ddot - w x p_dot)`.
 
 mod adjoint;
 mod crba;
