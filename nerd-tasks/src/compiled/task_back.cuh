@@ -14,7 +14,7 @@ struct Steps {
     const int* asked;
     // Sampled actions, and their means.
     const float *drawn, *means;
-    // Gradients with respect to network inputs: before the next step, [env]; of the value rows.
+    // Gradients with respect to network inputs: the policy's before the next step, [env]; the value network's rows.
     const float *by_seen, *by_rows;
     // Per environment: gradients with respect to the state, to torques (by the reward, by the next frame), and to the
     // action.
@@ -76,7 +76,7 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
 }
 
 // Adjoint from the torques of a frame to the action of its step; needs the solver's adjoint of the frame. At the first
-// frame of a step also to the policy's outputs.
+// frame of a step, the adjoint goes on to the policy's outputs.
 FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     const bool last = (frame + 1) % STEP_FRAMES == 0, first = frame % STEP_FRAMES == 0;
     const long long i = frame / STEP_FRAMES * w.n + env;
@@ -104,7 +104,7 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     if (!first) return;
     for (int k = 0; k < ACTIONS; k++) {
         const double drawn = b.drawn[i * ACTIONS + k];
-        // At a bound of the action, a gradient that points outside is cut.
+        // Beyond a bound of the action, a gradient whose descent leads farther outside is set to zero.
         const double g = fabs(drawn) > 1 && by_action[k] * drawn < 0 ? 0 : by_action[k];
         b.by_said[i * b.outputs + k] = (float)g;
         b.by_spread[i * ACTIONS + k] = (float)(g * (drawn - b.means[i * ACTIONS + k]));

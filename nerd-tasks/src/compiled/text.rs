@@ -19,7 +19,7 @@ impl std::fmt::Display for Given {
 }
 
 impl Function {
-    /// Text before, between and after the operands; empty between for one operand.
+    /// C text before, between and after the operands. The text between is empty for a function of one operand.
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::Add => ["", " + ", ""],
@@ -40,13 +40,13 @@ impl Function {
     }
 }
 
-/// Link, point and axis as arguments.
+/// Link, point and axis as the arguments of a C call.
 fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
     format!("{link}, {x:e}, {y:e}, {z:e}, {axis}")
 }
 
 impl Tape {
-    /// The nodes as lines of C, and whether these use kinematics or distances.
+    /// The nodes as lines of C, and whether these lines use kinematics or distances.
     fn lines(&self) -> (String, bool) {
         let (mut text, mut asks) = (String::new(), false);
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
@@ -179,7 +179,7 @@ fn functions(task: &Compiled, gradients: bool) -> String {
     let reward = Signature("reward", ", const double* torques", "out", Some(", double* by_torques"));
     function(reward, &task.reward, &task.reward.out[..1]);
     function(Signature("terminated", "", "out", None), &task.terminated, &task.terminated.out);
-    // Levels depend on the error.
+    // The levels of a curriculum depend on the error.
     if task.levels().is_some() {
         let error = task.error.out.first().copied().unwrap_or(Given::Known(f64::INFINITY));
         function(Signature("error", "", "out", None), &task.error, &[error]);
@@ -188,11 +188,11 @@ fn functions(task: &Compiled, gradients: bool) -> String {
 }
 
 impl Compiled {
-    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also
-    /// compiles as plain C++.
+    /// Text of the task's GPU kernels, for batches within `reach`; with `gradients` it includes the kernels for
+    /// gradients. The text also compiles as plain C++.
     ///
     /// # Errors
-    /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.
+    /// If the task has plain code, a formula reads a quantity that does not exist, or the robot has no kernels.
     pub fn kernels(&self, reach: Reach, gradients: bool) -> Result<String, String> {
         if self.plain().is_some() {
             return Err(format!("task `{}` has plain code (nerd_tasks::Plain), so it stays on the CPU", self.name()));
