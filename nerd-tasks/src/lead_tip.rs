@@ -18,10 +18,10 @@
 //! gripper's direction match the cable's training data. A learned cable model does not see the cable's position on the
 //! floor.
 //!
-//! Observation: 71 numbers in world axes. Tip relative to target, position and velocity (6); gripper relative to
-//! target, gripper relative to home, its velocity (9); eight points along the lead relative to the gripper, the tip
-//! last, position and velocity (48); the target's velocity, and its displacement in the next 1/4, 1/2 and 1 s (8).
-//! Never terminated; truncated after 100 steps of 3 frames of 1/60 s.
+//! Observation: 71 numbers in world axes. Tip relative to target: position and velocity (6). Gripper: position relative
+//! to target, position relative to home, velocity (9). Eight points along the lead, the tip last: position and velocity
+//! relative to the gripper (48). Target: velocity, and displacement in the next 1/4, 1/2 and 1 s (8). Episodes are
+//! never terminated; they are truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::Vector2;
 use nerd_core::{dynamics::velocities, velocity::root_position};
@@ -32,11 +32,11 @@ use crate::drape::{drape, hinges};
 use crate::formula::{Number, Sight, Traced};
 use crate::{About, Plain, Task, View, Work};
 
-/// The task. It has no settings.
+/// The task of dragging a lead's tip after a target. It has no settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeadTip;
 
-/// Number of rods, and of the gripper's axes before them.
+/// Number of the lead's rods, and of the gripper's axes, whose coordinates come before those of the rods.
 const RODS: usize = 40;
 const AXES: usize = 6;
 /// Number of observed points along the lead.
