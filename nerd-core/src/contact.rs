@@ -1,14 +1,14 @@
 //! Contact points of links, contact quantities `c = (p0, p1, n, d)` of the paper (A.1) and the threshold of their mask.
 //!
-//! Contacts are found by geometry: a fixed list of points on the robot, each tested against the scene once a frame. `d
-//! = n . (p0 - p1)` is measured from the point itself: the centre of a sphere or of a capsule's end, a place on a
-//! cylinder's rim, or a vertex of a hull. So the surfaces touch at `d = radius`.
+//! Contacts are found by geometry: a fixed list of points on the robot is tested against the scene once a frame. The
+//! distance `d = n . (p0 - p1)` is measured from the contact point itself. The point is the centre of a sphere or of a
+//! capsule's end, a place on a cylinder's rim, or a vertex of a hull. So the surfaces touch at `d = radius`.
 
 use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// Candidate contact point of a link. Its [`Locus`] says whether the point moves over the link from frame to frame.
+/// Candidate contact point of a link. The point's [`Locus`] says whether it moves over the link from frame to frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPoint {
     /// Index of the link.
@@ -62,7 +62,7 @@ impl ContactPoint {
         Self { link, local, radius, thickness: radius, locus: Locus::Fixed, surface: None }
     }
 
-    /// The three contact points of a disc. `centre` (m) and `axis` are in the link frame; `rim` is the disc's radius
+    /// The three contact points of a disc. `centre` (m) and `axis` are in the link frame. `rim` is the disc's radius
     /// (m), `radius` that of its edge (m).
     pub fn disc(link: usize, centre: Vector3<f64>, axis: UnitVector3<f64>, rim: f64, radius: f64) -> [Self; 3] {
         [0.0, TAU / 3.0, -TAU / 3.0]
@@ -103,10 +103,10 @@ impl ContactPoint {
         self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
     }
 
-    /// Velocity (m/s, axes of the normal) of a rim point relative to the disc's centre while the link has angular
-    /// velocity `spin` (rad/s). It is `-R t_dot` for `turn = 0`, with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x
-    /// a`. It is zero for other loci. Where the whole rim is nearly equally deep, the rate of t is limited to one
-    /// radian per `time` (s).
+    /// Velocity (m/s, axes of the normal) of a rim point relative to the disc's centre; `spin` (rad/s) is the link's
+    /// angular velocity. For `turn = 0` this velocity is `-R t_dot`, with `t = s / |s|`, `s = n - (n . a) a`, `a_dot =
+    /// w x a`. The velocity is zero for other loci. Where the whole rim is nearly equally deep, the rate of t is
+    /// limited to one radian per `time` (s).
     pub fn runs(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>, spin: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let Locus::Rim { axis, radius, turn } = &self.locus else { return Vector3::zeros() };
         let axis = rotation * axis.as_ref();
@@ -131,8 +131,7 @@ impl ContactPoint {
         }
     }
 
-    /// Positions (m, link frame) whose convex hull covers the point's region: twelve on the rim of a disc, all vertices
-    /// of a hull.
+    /// Positions (m, link frame) that outline the point's region: twelve on the rim of a disc, all vertices of a hull.
     pub fn places(&self) -> Vec<Vector3<f64>> {
         match &self.locus {
             Locus::Fixed => vec![self.local],

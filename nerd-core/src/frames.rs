@@ -1,8 +1,9 @@
 //! Robot-centric frames, equations (1) to (8) of the paper's appendix A.1, both directions.
 //!
-//! The frame B of a state is the pose `(x, R)` of its root: the floating base, or the first moving link of a fixed-base
-//! robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are the same in every
-//! frame. A root with position p, rotation Q and twist `(w, v)` about the world origin has these coordinates in B:
+//! The frame B of a state is the pose `(x, R)` of its root. The root is the floating base, or the first moving link of
+//! a fixed-base robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are the same
+//! in every frame. A root with position p, rotation Q and twist `(w, v)` about the world origin has these coordinates
+//! in B:
 //!
 //! ```text
 //! x_B = R^-1 (p - x)     R_B = R^-1 Q     w_B = R^-1 w     v_B = R^-1 (v - x cross w)

@@ -1,10 +1,10 @@
 //! Spatial (6-D) algebra in one common frame.
 //!
-//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)`: the angular velocity (rad/s), and the velocity
-//! (m/s) of the body's point at the frame's origin. A [`Wrench`] is `(n, f)`: the moment about that origin (N m) and
-//! the force (N). All vectors of one computation share one frame: world axes, origin at the root ([`crate::dynamics`]).
-//! So no transforms between links are needed. Source: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2,
-//! without Pluecker transforms.
+//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)`: w is the angular velocity (rad/s), and v the
+//! velocity (m/s) of the body's point at the frame's origin. A [`Wrench`] is `(n, f)`: the moment n about that origin
+//! (N m) and the force f (N). All vectors of one computation share one frame: world axes, origin at the root
+//! ([`crate::dynamics`]). So no transforms between links are needed. Source: Featherstone, *Rigid Body Dynamics
+//! Algorithms* (2008), chapter 2, without Pluecker transforms.
 
 use std::f64::consts::PI;
 use std::ops::{Add, AddAssign, Mul, Sub};

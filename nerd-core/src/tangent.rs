@@ -29,9 +29,9 @@ pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// Tangent `[2 nv]` from state `a` to state `b`: `[pose, velocities]`, each half laid out as `qd`. For a floating root:
-/// rotation (twice the vector part of `a^-1 b`, rad), translation (m), and the difference of the velocities, each in
-/// its own state's body axes.
+/// Tangent `[2 nv]` from state `a` to state `b`: `[pose, velocities]`, each half laid out as `qd`. A floating root has
+/// a rotation (twice the vector part of `a^-1 b`, rad), a translation (m) and differences of velocities. Each velocity
+/// is in the body axes of its own state.
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; 2 * nv];
@@ -67,8 +67,8 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gr
     }
 }
 
-/// Converts `by`, the gradient with respect to the numbers `[q, qd]` of a state, to the tangent space, and adds it to
-/// `gradient[2 nv]`. Uses `w = R a` and `v = R b + x cross w`.
+/// Converts `by`, the gradient with respect to the numbers `[q, qd]` of a state, to the tangent space. Adds the result
+/// to `gradient[2 nv]`. Uses `w = R a` and `v = R b + x cross w`.
 pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {

@@ -84,7 +84,8 @@ impl Device {
         Ok(device)
     }
 
-    /// Compiles another source and adds its kernels. Their names must differ from the names already loaded.
+    /// Compiles another source and adds its kernels. The new kernels must have other names than the kernels already
+    /// loaded.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let ptx = compiled(source, self.capability()?)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
@@ -144,7 +145,7 @@ impl Device {
         allocate(&self.context, len)
     }
 
-    /// Allocates memory and copies `values` there.
+    /// Allocates device memory and copies `values` to it.
     pub fn upload<T: Copy>(&self, values: &[T]) -> Result<Buffer<T>, DeviceError> {
         let buffer = self.zeros(values.len())?;
         self.write(&buffer, values)?;

@@ -16,7 +16,7 @@ pub struct Replay<K = ()> {
     most: usize,
 }
 
-// SAFETY: the driver lets threads use a graph one after the other, but not at once. This type is not `Sync`, and a
+// SAFETY: the driver lets threads use a graph one after the other, but not at once. `Replay` is not `Sync`, and a
 // launch binds the context to the calling thread.
 unsafe impl<K: Send> Send for Replay<K> {}
 

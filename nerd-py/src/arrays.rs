@@ -22,7 +22,7 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     };
     let Ok(array) = array.cast::<PyArrayDyn<T>>() else {
         let found = array.dtype();
-        // An array of the other byte order has another dtype, so the error names the byte order.
+        // An array in another byte order has another dtype, so the error names the byte order.
         let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
         let remedy = if wanted.kind() == b'b' { String::new() } else { format!("; take .astype(\"{wanted}\")") };
         return Err(PyTypeError::new_err(format!(

@@ -56,7 +56,7 @@ struct Managed {
     delete: Option<unsafe extern "C" fn(*mut Managed)>,
 }
 
-/// Owners of an array's memory and shape. They live as long as a consumer uses the array.
+/// Owners of an array's memory and shape, kept as long as a consumer uses the array.
 struct Kept {
     shape: Vec<i64>,
     _memory: Arc<dyn Any + Send + Sync>,
@@ -160,7 +160,7 @@ impl CardArray {
 }
 
 /// The address of an array on this GPU with exactly this data type and shape, row-major. `stream` waits until the array
-/// is written. The caller must make the other side's stream wait until the array is read.
+/// is written. The caller must make the stream that owns the array wait until the array is read.
 ///
 /// # Errors
 /// `TypeError` for another object, device or data type, `ValueError` for another shape or layout.

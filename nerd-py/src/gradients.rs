@@ -34,10 +34,10 @@ impl Inner {
     }
 }
 
-/// vjp(simulation, states, tau, grad_next=None): steps one frame from states [n, nq + nv] under torques tau [n,
-/// joints], and computes the vector-Jacobian product of this frame. grad_next [n, nq + nv] is the upstream gradient
-/// with respect to the next states; None means zeros. Returns the next states, the gradient with respect to states, and
-/// that with respect to tau. All arrays are float64. Gradients are with respect to the numbers of a state; a
+/// vjp(simulation, states, tau, grad_next=None): steps one frame and computes its vector-Jacobian product. The frame
+/// starts from states [n, nq + nv] and is under torques tau [n, joints]. The upstream gradient grad_next [n, nq + nv]
+/// is with respect to the next states; None means zeros. Returns the next states, the gradient with respect to states,
+/// and that with respect to tau. All arrays are float64. Gradients are with respect to the numbers of a state; a
 /// quaternion's length has no effect. The simulation is not changed.
 ///
 /// Raises ValueError for a solver without gradients. "articulated" has gradients, and so has a model whose network sees
@@ -80,9 +80,9 @@ pub fn vjp<'py>(
     Ok((made(py, gradients.next, &[n, width])?, made(py, by_states, &[n, width])?, made(py, by_torques, &[n, joints])?))
 }
 
-/// linearise(simulation, tau): linearises a frame from the present states under torques tau [n, joints]. Returns A [n,
-/// 2 nv, 2 nv], with respect to states, and B [n, 2 nv, joints], with respect to tau, both float64. States are in
-/// tangent spaces of 2 nv numbers: pose, then velocities. For a free root these are a rotation vector (rad), a
+/// linearise(simulation, tau): linearises a frame from the present states under torques tau [n, joints]. Returns the
+/// Jacobians A [n, 2 nv, 2 nv] with respect to states, and B [n, 2 nv, joints] with respect to tau, in float64. States
+/// are in tangent spaces of 2 nv numbers: pose, then velocities. For a free root these are a rotation vector (rad), a
 /// translation (m), and velocities in root axes (rad/s, m/s).
 #[pyfunction]
 pub fn linearise<'py>(

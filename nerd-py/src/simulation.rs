@@ -172,8 +172,8 @@ impl Simulation {
         Ok(made)
     }
 
-    /// step(tau): steps one frame under torques [n, joints] (N m or N), held over the frame: a numpy array of float64,
-    /// or a GPU array of `xp`.
+    /// step(tau): steps one frame under the torques tau [n, joints] (N m or N), held over the frame. tau is a numpy
+    /// array of float64, or a GPU array of `xp`.
     ///
     /// Raises RuntimeError if some environments could not be stepped. `faults` lists these environments; they keep
     /// their states, and all others were stepped. On a GPU the call neither waits nor raises; a failed environment of a
@@ -274,17 +274,17 @@ impl Simulation {
         self.each(py, 6, |batch, env| batch.velocity(env, name).map(|v| v.vector().as_slice().to_vec()))
     }
 
-    /// contact_forces(link): contact force (N) of the scene on a moving link, the mean over the last frame, in world
-    /// axes, float64 [n, 3]. Raises ValueError before the first frame and after a frame of a solver that reports no
-    /// forces.
+    /// contact_forces(link): contact force (N) of the scene on a moving link, in world axes, float64 [n, 3]. The force
+    /// is the mean over the last frame. Raises ValueError before the first frame and after a frame of a solver that
+    /// reports no forces.
     fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
         self.each(py, 3, |batch, env| batch.contact_force(env, link).map(|f| f.as_slice().to_vec()))
     }
 
-    /// drive(targets, kp=None, kd=None): from now on the torque `kp (target - q) - kd qd` acts at every joint in
-    /// addition to a step's torques. It is evaluated in each substep of the solver, so stiff gains stay stable, and
-    /// limited to the joints' efforts. Each argument is float64 [n, joints], [joints], or a number. Default gains are
-    /// from the robot's TOML, or else chosen to hold the robot's weight. drive(None) ends the drive.
+    /// drive(targets, kp=None, kd=None): from now on the force `kp (target - q) - kd qd` (N m or N) acts at every joint
+    /// in addition to a step's torques. The solver evaluates this force in each substep, so stiff gains stay stable,
+    /// and limits it to the joints' efforts. Each argument is float64 [n, joints], [joints], or a number. Default gains
+    /// are from the robot's TOML, or else chosen to hold the robot's weight. drive(None) ends the drive.
     #[pyo3(signature = (targets, kp=None, kd=None))]
     fn drive(
         &self,

@@ -7,7 +7,7 @@ use pyo3::{PyResult, exceptions::PyRuntimeError};
 /// Id of the process that first stepped several environments.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Refuses to step several environments in a forked process. Its worker threads did not survive the fork, so a step
+/// Refuses to step several environments in a forked process. The worker threads did not survive the fork, so a step
 /// would wait for ever.
 pub fn here(n: usize) -> PyResult<()> {
     let me = std::process::id();

@@ -1,9 +1,9 @@
 //! Start state of a cable at rest. One part hangs from a gripper that points along x; the rest lies straight on a
 //! floor.
 //!
-//! The hanging part is a catenary, `tan(slope) = (s - l) / a` at arc length s (m) from the free end. l is the lying
-//! length (m); a (m) is the tension at the floor over the weight per metre. Within [`STEM`] of the gripper the cable
-//! bends away from the clamp's direction. l is chosen so that the free end lies on the floor.
+//! The hanging part is a catenary, `tan(slope) = (s - l) / a`, at arc length s (m) from the free end. The lying length
+//! is l (m). The tension at the floor over the weight per metre is a (m). Within [`STEM`] of the gripper the cable
+//! bends away from the clamp's direction. The length l is chosen so that the free end lies on the floor.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 

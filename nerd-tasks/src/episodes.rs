@@ -48,8 +48,8 @@ impl Episodes {
         Self::part(task, simulation, seed, 0)
     }
 
-    /// Starts episodes in the environments from `first` on of a larger set. Their episodes are the same as within that
-    /// set.
+    /// Starts episodes in the environments from `first` on of a larger set. An environment's episodes here are the same
+    /// as within that set.
     ///
     /// # Panics
     /// As [`Episodes::new`].
@@ -79,8 +79,8 @@ impl Episodes {
         episodes
     }
 
-    /// Keeps the last `frames` frames for [`Self::snapshot`]: as many as the solver's next step depends on (the
-    /// receptive field of a network; 0 for an analytic solver).
+    /// Keeps the last `frames` frames for [`Self::snapshot`]. This should be the number of frames on which the solver's
+    /// next step depends: the receptive field of a network; 0 for an analytic solver.
     pub fn remember(&mut self, frames: usize) {
         self.past.most = frames.max(Past::for_lag(&self.simulation.batch.system).most);
     }

@@ -1,17 +1,17 @@
 //! A gripper drags a lead's free end, the tip, across a floor after a target on a winding line. World up is +z; units
 //! are m, rad and s.
 //!
-//! The target accelerates from rest to the speed v along a line that winds about a heading psi, towards the gripper. s
-//! is the distance covered along the heading, w the offset to its left, and R the reward:
+//! The target accelerates from rest to the speed v along a line that winds about a heading psi, towards the gripper.
+//! The distance covered along the heading is s, the offset to the left of the heading w, and the reward R:
 //!
 //! ```text
 //! s(t) = v (t - T (1 - exp(-t / T))),   w(s) = m L / (2 pi) (sin(2 pi s / L + p) - sin p),   T = 0.3
 //! R = 0.7 exp(-(d / 0.04)^2) + 0.3 exp(-d / 0.2) - 0.02 |v_gripper|^2
 //! ```
 //!
-//! m is the steepest slope of the windings, L the length of one winding and p its phase. d is the distance from tip to
-//! target. A lead can be pulled but not pushed. So the target never turns back, and starts ahead of the tip. The policy
-//! chooses how much of the lead lies on the floor: the higher the gripper, the more closely the tip follows.
+//! The steepest slope of the windings is m, the length of one winding L and its phase p. The distance from tip to
+//! target is d. A lead can be pulled but not pushed. So the target never turns back, and starts ahead of the tip. The
+//! policy chooses how much of the lead lies on the floor: the higher the gripper, the more closely the tip follows.
 //!
 //! Action: velocities of the gripper's three slides, in units of [`FASTEST`]; the gripper's hinges stay at home. In
 //! each frame the spring targets are set far enough ahead for these velocities, within [`BOX`]. Heights, speeds and the
@@ -56,7 +56,7 @@ const BOX: [Range; 3] =
 /// Tolerance: distance (m) between tip and target.
 const NEAR: f64 = 0.02;
 
-/// Initial position of the tip (m, relative to the point below home), and the range around it, along x and y.
+/// Initial position of the tip (m, relative to the point below home), and the range about this position, along x and y.
 const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
 const BESIDE: Range = Range { low: -0.03, high: 0.03 };
 /// Initial height of the gripper (m), and heading of the lead (rad, from x) seen from it.
@@ -83,7 +83,7 @@ fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
     let way = speed * (t - RISE * (1.0 - (-t / RISE).exp()));
     let turn = std::f64::consts::TAU / length;
     let off = slope / turn * ((turn * way + phase).sin() - phase.sin());
-    // Towards the gripper, which is at the other end of the heading.
+    // The target moves towards the gripper, which is at the other end of the heading.
     let ahead = -Vector2::new(heading.cos(), heading.sin());
     Vector2::new(x, y) + ahead * way + Vector2::new(-ahead.y, ahead.x) * off
 }

@@ -100,8 +100,8 @@ impl Past {
             // Frames of an earlier episode are stepped too; frame 0 of the present episode clears the solver's memory.
             let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
             simulation.batch.frames = frames.iter().map(count).collect();
-            // An environment that failed in this frame fails again. It was restarted afterwards, so its failure is
-            // ignored.
+            // An environment that failed in this frame fails again. The episodes restarted it afterwards, so the
+            // failure is ignored.
             if let Err(error) = simulation.step(torques) {
                 error.faults()?;
             }

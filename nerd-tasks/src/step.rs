@@ -18,7 +18,8 @@ pub struct StepResult {
     pub terms: Vec<f64>,
     /// Whether the episode terminated, `[env]`.
     pub terminated: Vec<bool>,
-    /// Whether the episode was truncated at its length, `[env]`. Its final state (see `reached`) still has a value.
+    /// Whether the episode was truncated at its length, `[env]`. The final state (see `reached`) of a truncated episode
+    /// still has a value.
     pub truncated: Vec<bool>,
     /// Observations `[env][observation_dim]` of the states reached, before ended episodes restarted.
     pub reached: Vec<f64>,

@@ -23,7 +23,7 @@ pub struct View<'a> {
     pub scene: &'a Scene,
 }
 
-/// Working memory of one thread. Its content does not outlive a call.
+/// Working memory of one thread. No call relies on the content that an earlier call left.
 pub struct Work {
     /// The robot.
     pub system: Arc<System>,
@@ -215,7 +215,8 @@ pub trait Task: Send + Sync {
 
 /// What formulas cannot express, in plain code: other starts, goals that move, numbers of any origin.
 pub trait Plain: Send + Sync {
-    /// Count of goal numbers from plain code. They stand between the numbers drawn from [`Task::goal`] and the memory.
+    /// Count of goal numbers from plain code. In the goal these stand between the numbers drawn from [`Task::goal`] and
+    /// the memory.
     fn goal_dim(&self) -> usize {
         0
     }

@@ -8,9 +8,9 @@ use crate::{prelude::*, spatial::blocks};
 
 /// Derivatives of a vector of length `nv` (`tau` or `qdd`) with respect to q and qd, each `nv` by `nv`.
 ///
-/// Columns of `q` are tangent directions in the order of `qd`: rotation of a floating root about each world axis (rad),
-/// its translation along each world axis (m), then the joints. The numbers of `qd`, and of `qdd` or `tau`, are held
-/// constant in the local form (see [`super::to_local`]).
+/// Columns of `q` are tangent directions in the order of `qd`. For a floating root these are rotations about the world
+/// axes (rad), then translations along them (m); the joints follow. The numbers of `qd`, and of `qdd` or `tau`, are
+/// held constant in the local form (see [`super::to_local`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// With respect to q.
@@ -210,8 +210,8 @@ impl Derivatives {
         }
     }
 
-    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`. They are `-M^-1` times the
-    /// derivatives of inverse dynamics at `qdd`; `d qdd / d tau` is `M^-1`. Needs `kinematics` and the accelerations
+    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`. These derivatives are `-M^-1`
+    /// times those of inverse dynamics at `qdd`; `d qdd / d tau` is `M^-1`. Needs `kinematics` and the accelerations
     /// `qdd`, for example from `aba`. Returns `false` if the mass matrix is not positive definite; the derivatives are
     /// then invalid.
     #[must_use = "without a mass matrix there are none"]

@@ -93,8 +93,8 @@ impl Data {
         &self.rate
     }
 
-    /// Centre of mass in the world (m), and its Jacobian J, 3 by `nv`: `J qd` is the velocity of the centre of mass
-    /// (m/s, world axes). Both are NaN for a robot without mass.
+    /// Centre of mass in the world (m), and its Jacobian J, 3 by `nv`. `J qd` is the velocity of the centre of mass
+    /// (m/s, world axes). For a robot without mass, centre and Jacobian are NaN.
     ///
     /// Column of DoF k: `m_k / m` times the velocity of the subtree's centre of mass per unit rate of the DoF. `m_k` is
     /// the subtree's mass and m the robot's.

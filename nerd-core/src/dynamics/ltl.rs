@@ -15,8 +15,8 @@ pub struct Factor {
     rows: Vec<f64>,
     /// Parent of each DoF, or `usize::MAX` if it has none.
     parent: Vec<usize>,
-    /// Number of leading DoFs that form a chain. Their rows have no zeros, so `refill` updates them densely without
-    /// `parent`.
+    /// Number of leading DoFs that form a chain. The rows of these DoFs have no zeros, so `refill` updates the rows
+    /// densely without `parent`.
     trunk: usize,
     /// Index of the DoF at which the last matrix failed to be positive definite.
     lost: usize,

@@ -2,7 +2,8 @@
 //! kinematics at `q`.
 //!
 //! Accelerations here are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, in which the
-//! linear part of a floating root lacks the term `w x p_dot` ([`super`]). This file converts between the two.
+//! linear part of a floating root lacks the term `w x p_dot` ([`super`]). The methods here convert between these two
+//! forms of acceleration.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 

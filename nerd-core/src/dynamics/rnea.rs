@@ -16,11 +16,11 @@ pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) 
 ///
 /// `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of the base. `V_i = V_p + S_i
 /// qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the subtree`. The wrench of a link is
-/// `F_i = I_i A_i + V_i x* I_i V_i - f_i`. It is computed as a force at the centre of mass c and a moment in link axes,
-/// which saves rotating the inertia: `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T
-/// w) + c x f`. Gravity does not act on the gravity-compensated mass of a link. A floating root's damping resists the
-/// root's motion. A joint's armature adds `armature qdd` to the joint's torque. The caller adds damping and limits of
-/// joints.
+/// `F_i = I_i A_i + V_i x* I_i V_i - f_i`. This wrench is computed from a force at the centre of mass c and a moment in
+/// link axes, so the inertia is not rotated: `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x
+/// I R^T w) + c x f`. Gravity does not act on the gravity-compensated mass of a link. A floating root's damping resists
+/// the root's motion. A joint's armature adds `armature qdd` to the joint's torque. The caller adds damping and limits
+/// of joints.
 #[inline]
 pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<true>(robot, qd, qdd, gravity, data);

@@ -11,8 +11,8 @@ const ROUNDING: f64 = 1e-14;
 
 impl TreeFactor {
     /// Factorises the matrix of [`TreeFactor`]. Needs [`super::kinematics`] and [`super::inertias`]. `links[link]` are
-    /// the `K_i`; `joints` are the e of the joints, in the order of `qd`; an empty slice means zeros. Returns `false`
-    /// if the matrix is not positive definite; then do not solve.
+    /// the `K_i`. `joints` are the numbers e of the joints, in the order of `qd`. An empty slice means zeros. Returns
+    /// `false` if the matrix is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &Data, links: &[Matrix6<f64>], joints: &[f64]) -> bool {
         let (first, dofs) = (usize::from(robot.floating()), robot.root_dofs());

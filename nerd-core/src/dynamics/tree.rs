@@ -1,4 +1,5 @@
-//! The inverse of the mass matrix by articulated-body inertias, without the matrix. Its sweeps are in `sweeps.rs`.
+//! The inverse of the mass matrix by articulated-body inertias, without the matrix. The sweeps of this method are in
+//! `sweeps.rs`.
 
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
@@ -6,8 +7,8 @@ use super::Factor;
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
-/// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n). `J_i` is the Jacobian of link i's twist; `K_i` is a
-/// symmetric 6x6 matrix (angular part first, about `data.origin`); e is one number for each DoF.
+/// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n). `J_i` is the Jacobian of link i's twist. `K_i` is a
+/// symmetric 6x6 matrix (angular part first, about `data.origin`). The vector e has one number for each DoF.
 ///
 /// The method is that of the two inertia sweeps of the articulated-body algorithm (Featherstone 2008, section 7.3),
 /// without velocities. A resistance `K_i` to the motion of a link adds to the inertia that its ancestors feel. Mimic

@@ -20,7 +20,7 @@ pub struct Bodies {
     pub joints: Vec<BodyJoint>,
 }
 
-/// One body. Its poses and inertia are in the frame of the joint that carries the body.
+/// One body. The poses and the inertia of a body are in the frame of the joint that carries the body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Name.
@@ -81,8 +81,8 @@ pub enum BodyJointKind {
     Floating,
 }
 
-/// A joint between two bodies. It has neither springs nor armature: the system's `[[joint]]` gives these, also for a
-/// robot from an MJCF.
+/// A joint between two bodies. Springs and armature are not here: the system's `[[joint]]` gives them, also for a robot
+/// from an MJCF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyJoint {
     /// Name.

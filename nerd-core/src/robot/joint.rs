@@ -28,7 +28,7 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// Force of the limit (N m or N) at position `q` (rad or m) and velocity `qd` (rad/s or m/s). It is zero within the
+    /// Force of the limit (N m or N) at position `q` (rad or m) and velocity `qd` (rad/s or m/s); zero within the
     /// limits.
     #[inline]
     pub fn force(&self, q: f64, qd: f64) -> f64 {
@@ -123,8 +123,8 @@ impl Joint {
         self.origin = origin;
     }
 
-    /// Three matrices that give the joint's rotation at angle q: the first, plus the second times sin q, plus the third
-    /// times cos q. They are `R_origin (a a^T)`, `R_origin [a]x` and `R_origin (1 - a a^T)`, with a the axis.
+    /// Three matrices `R_origin (a a^T)`, `R_origin [a]x` and `R_origin (1 - a a^T)`, with a the axis. The joint's
+    /// rotation at angle q is the first, plus sin q times the second, plus cos q times the third.
     #[inline]
     pub fn turn(&self) -> &[Matrix3<f64>; 3] {
         &self.turn

@@ -14,7 +14,7 @@ pub struct UnknownName {
     hint: String,
 }
 
-/// Indices of an independent joint: among the joints, in `q` and in `qd`; and the index of the link that it carries.
+/// Indices of an independent joint among the joints, in `q` and in `qd`, and the index of the link it carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JointIndex {
     /// Index among the independent joints, in the order of torques and drives.

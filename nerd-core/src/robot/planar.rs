@@ -1,6 +1,6 @@
-//! Splits a planar joint into two slides and a hinge about the plane's normal, in that order, with two massless links
-//! between. This is exact, since the coordinates `(x, y, angle)` (m, m, rad) have no singularity. A ball joint is
-//! refused, since any three angles for it have a singularity.
+//! Splits a planar joint into two slides and a hinge about the plane's normal, in that order. Two massless links lie
+//! between the three joints. The split is exact, since the coordinates `(x, y, angle)` (m, m, rad) have no singularity.
+//! A ball joint is refused, since any three angles for it have a singularity.
 
 use nalgebra::Unit;
 

@@ -40,7 +40,7 @@ impl Program {
                         }
                         called[i]
                     }
-                    // These leaves occur in adjoints only.
+                    // Leaves of upstream gradients occur in adjoints only.
                     Leaf::By(_) | Leaf::Pushed { .. } => f64::NAN,
                 },
             };

@@ -48,7 +48,7 @@ FN bool sound(const double* x, int n) {
 }
 FN void zeros(double* x, int n) { for (int k = 0; k < n; k++) x[k] = 0; }
 
-// Adjoint from the state before the next step to the state after step t; needs the policy's adjoint of the next step.
+// Adjoint from the state before step t + 1 to the state after step t; needs the policy's adjoint of step t + 1.
 FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     const long long i = (long long)t * w.n + env, frame = (long long)(t + 1) * STEP_FRAMES;
     double *gradient = b.gradient + (long long)env * 2 * NV, *by_torques = b.by_torques + (long long)env * NJ;

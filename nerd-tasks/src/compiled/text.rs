@@ -136,13 +136,13 @@ fn back(tape: &Tape, program: &Program, said: &[Given]) -> String {
 }
 
 /// One formula as a C function: its name; its parameters beside the environment; its result; parameters of its
-/// gradient, if it may have one.
+/// gradient. The last is `None` for a function that has no gradient.
 struct Signature<'a>(&'a str, &'a str, &'a str, Option<&'a str>);
 
 /// A task's formulas as C functions: `task_observe`, `task_act`, `task_reward`, `task_terminated` and, with levels,
-/// `task_error`. A constant before each says whether it uses kinematics or distances. With `gradients` also
-/// `task_observe_back`, `task_act_back` and `task_reward_back`: vector-Jacobian products for upstream gradients `by`,
-/// added to the gradients with respect to the state (tangent space), to action and to torques.
+/// `task_error`. A constant before each says whether the function uses kinematics or distances. With `gradients` also
+/// `task_observe_back`, `task_act_back` and `task_reward_back`: vector-Jacobian products for upstream gradients `by`.
+/// These add to the gradients with respect to the state (tangent space), to action and to torques.
 fn functions(task: &Compiled, gradients: bool) -> String {
     let mut text = String::new();
     let mut function = |Signature(name, given, to, backward): Signature, program: &Program, said: &[Given]| {

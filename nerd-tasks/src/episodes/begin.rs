@@ -67,8 +67,8 @@ impl Episodes {
         &self.begun
     }
 
-    /// Starts episodes by (environment, number), whether or not the present ones have ended, for example to replay one
-    /// from its start.
+    /// Starts episodes by (environment, number), whether or not the present ones have ended. For example, an episode
+    /// can be replayed from its start.
     ///
     /// # Panics
     /// If an environment does not exist.
@@ -112,7 +112,7 @@ impl Episodes {
         }
     }
 
-    /// Adds the errors of a step to the sums in the goals, and updates the level of each environment whose episode has
+    /// Adds the errors of a step to the sums in the goals. Updates the level of each environment whose episode has
     /// ended.
     pub(super) fn rise(&mut self, result: &StepResult) {
         let Some((at, levels)) = self.task.levels() else { return };

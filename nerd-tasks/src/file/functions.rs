@@ -96,8 +96,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// `height_scan(xs, ys)`: ground heights (m) at distances `xs` ahead of a free root and `ys` to its left,
-    /// along its heading. x is the outer index, y the inner.
+    /// `height_scan(xs, ys)`: ground heights (m) at distances (m) `xs` ahead of a free root and `ys` to its left, along
+    /// its heading. The outer index is x, the inner index y.
     fn height_scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if !self.facts.system.robot.floating() {

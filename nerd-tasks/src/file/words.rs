@@ -91,9 +91,9 @@ impl Facts {
         (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
     }
 
-    /// Value of a built-in word; `None` if there is no such word. Words about a free root are refused on a fixed base.
-    /// To add a word, extend [`Self::WORDS`] and `docs/tasks.md`, and for one about a free root the list that is
-    /// refused here. If contracts should name the word's quantity, extend `nerd-train/src/onnx/quantity.rs`.
+    /// Value of a built-in word; `None` for an unknown word. Words about a free root are refused on a fixed base. To
+    /// add a word, extend [`Self::WORDS`] and `docs/tasks.md`. For a word about a free root, extend also the list that
+    /// is refused here. If contracts should name the word's quantity, extend `nerd-train/src/onnx/quantity.rs`.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
