@@ -9,9 +9,9 @@
 //! x_B = R^-1 (p - x)     R_B = R^-1 Q     w_B = R^-1 w     v_B = R^-1 (v - x cross w)
 //! ```
 //!
-//! With `(x, R)` taken from the state itself these are equations (1) to (4), and `x_B = 0`, `R_B = 1`. With the frame
-//! of the previous token they are equations (5) to (8). Differences are taken in f64 before the cast to f32. So moving
-//! the world's origin changes the results by rounding only.
+//! With `(x, R)` taken from the state itself these formulas are equations (1) to (4), and `x_B = 0`, `R_B = 1`. With
+//! the frame of the previous token the formulas are equations (5) to (8). Differences are taken in f64 before the cast
+//! to f32. So moving the world's origin changes the results by rounding only.
 
 use crate::prelude::*;
 

@@ -77,8 +77,8 @@ impl System {
         self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Torque limit of each joint (N m or N), float64 [joints]; infinite if the robot's file gives none. Drives keep
-    /// within it; torques given to step() are not limited.
+    /// Torque limit of each joint (N m or N), float64 [joints]; infinite if the robot's file gives none. The limits
+    /// hold for drives, but not for torques given to step().
     #[getter]
     fn efforts<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let efforts: Vec<f64> = self.system.robot.joints().map(|joint| joint.effort).collect();

@@ -24,7 +24,7 @@ pub struct Episodes {
     /// The simulation, with any solver.
     pub simulation: Simulation,
     seed: u64,
-    /// Index of the first environment here within a larger set of environments.
+    /// Index of this object's first environment within a larger set of environments.
     first: usize,
     begun: Vec<u64>,
     goals: Vec<f64>,
@@ -222,7 +222,7 @@ impl Episodes {
         }
     }
 
-    /// Applies random pushes to the robots, if they are of a family with pushes.
+    /// Applies random pushes to the robots of a family with pushes.
     fn push(&mut self) {
         let Self { simulation: Simulation { batch, .. }, seed, first, begun, .. } = self;
         if batch.systems.is_empty() || !batch.system.pushed() {

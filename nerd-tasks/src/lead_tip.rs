@@ -36,7 +36,7 @@ use crate::{About, Plain, Task, View, Work};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeadTip;
 
-/// Number of the lead's rods, and of the gripper's axes, whose coordinates come before those of the rods.
+/// Number of the lead's rods, and of the gripper's axes. In `q` the gripper's axes come before the rods.
 const RODS: usize = 40;
 const AXES: usize = 6;
 /// Number of observed points along the lead.
@@ -59,7 +59,7 @@ const NEAR: f64 = 0.02;
 /// Initial position of the tip (m, relative to the point below home), and the range about this position, along x and y.
 const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
 const BESIDE: Range = Range { low: -0.03, high: 0.03 };
-/// Initial height of the gripper (m), and heading of the lead (rad, from x) seen from it.
+/// Initial height of the gripper (m), and heading of the lead as seen from the gripper (rad, from x).
 const HEIGHT: Range = Range { low: 0.6, high: 0.7 };
 const HEADING: Range = Range { low: -0.3, high: 0.3 };
 /// Height (m) of the tip's centre when it lies on the floor.

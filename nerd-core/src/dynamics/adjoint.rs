@@ -1,11 +1,11 @@
 //! Adjoints of RNEA and of kinetic energy: gradients by sweeps from the leaves to the root.
 //!
 //! Link motions obey `X_i = X_p + S_i x_i`: twists, accelerations without velocity terms, and virtual motions. The
-//! gradient with respect to `X_i` is a wrench; it is added to the parent's. `D_i` is the displacement of link i about
-//! the common origin. Axis and inertia move with their link: `dS_i = D_i x S_i`, `dI = D x* I - I D x`. The gradient
-//! with respect to `D_i` is called a load. The coordinates of a floating root are about its moving position, in axes
-//! that do not rotate with it. So only the moment of the root's load is a gradient: with respect to the root's rotation
-//! (world axes).
+//! gradient with respect to `X_i` is a wrench; the parent's gradient includes it. `D_i` is the displacement of link i
+//! about the common origin. Axis and inertia move with their link: `dS_i = D_i x S_i`, `dI = D x* I - I D x`. The
+//! gradient with respect to `D_i` is called a load. The coordinates of a floating root are about the root's moving
+//! position, in axes that do not rotate with the root. So only the moment of the root's load is a gradient: with
+//! respect to the root's rotation (world axes).
 
 use crate::prelude::*;
 
@@ -127,7 +127,7 @@ impl Adjoint {
             self.by_velocity[i] = l.cross_wrench(&of_v) + of_y;
             *load += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
             if let Some((x, mass)) = lifted(robot, data, i) {
-                // The compensated point moves with the link; the direction of its weight stays.
+                // The compensated point mass moves with the link; the direction of its weight stays.
                 let weight = gravity * mass;
                 self.by_virtual[i] = self.by_virtual[i] - Wrench::force_at(weight, &x);
                 *load += Wrench::force_at(l.ang.cross(&weight), &x);

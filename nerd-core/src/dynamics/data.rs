@@ -34,8 +34,8 @@ pub struct Data {
     /// Position of each link frame from the common origin (world axes, m).
     #[doc(hidden)]
     pub position: Vec<Vector3<f64>>,
-    /// Joint axis `S` of each link: the link's motion per unit rate of its coordinate. For a mimic joint it includes
-    /// the multiplier. Unused for a floating root.
+    /// Joint axis `S` of each link: the link's motion per unit rate of the coordinate that moves it. For a mimic joint
+    /// `S` includes the multiplier. Unused for a floating root.
     #[doc(hidden)]
     pub axis: Vec<Motion>,
     /// Inertia of each link about the common origin; filled by `crba`, `aba` or `inertias`.
@@ -48,7 +48,7 @@ pub struct Data {
     /// Twist of each link about the common origin (rad/s, m/s; world axes).
     #[doc(hidden)]
     pub velocity: Vec<Motion>,
-    /// External wrench on each link about the common origin (N m, N). The caller sets and clears it.
+    /// External wrench on each link about the common origin (N m, N). The caller sets and clears these wrenches.
     #[doc(hidden)]
     pub external: Vec<Wrench>,
     /// Mass matrix, `nv` by `nv`, both triangles filled by `crba`.

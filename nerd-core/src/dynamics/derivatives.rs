@@ -9,8 +9,8 @@ use crate::{prelude::*, spatial::blocks};
 /// Derivatives of a vector of length `nv` (`tau` or `qdd`) with respect to q and qd, each `nv` by `nv`.
 ///
 /// Columns of `q` are tangent directions in the order of `qd`. For a floating root these are rotations about the world
-/// axes (rad), then translations along them (m); the joints follow. The numbers of `qd`, and of `qdd` or `tau`, are
-/// held constant in the local form (see [`super::to_local`]).
+/// axes (rad), then translations along the world axes (m); the joints follow. The numbers of `qd`, and of `qdd` or
+/// `tau`, are held constant in the local form (see [`super::to_local`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// With respect to q.
@@ -153,7 +153,7 @@ impl Derivatives {
                 + low.axis.cross_wrench(&force[i]).vector();
             let raised = lifted[i] * own;
             let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
-            // Every column of this joint and its ancestors.
+            // Columns of the joint of link i and of all joints above it.
             let of = |link: usize| {
                 if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] }
             };

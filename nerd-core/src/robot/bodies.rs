@@ -1,5 +1,5 @@
 //! The bodies and joints in a robot's file, before fixed joints are lumped. The readers of URDF and of MJCF both
-//! produce these.
+//! produce [`Bodies`].
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
@@ -53,14 +53,14 @@ pub struct Solid {
 pub enum Form {
     /// A primitive shape, such as a box.
     Shape(ShapeKind),
-    /// A mesh file, named as in the robot's file. `scale` multiplies its lengths along its axes.
+    /// A mesh file, named as in the robot's file. `scale` multiplies the mesh's lengths along the mesh's axes.
     Mesh {
         /// Path of the mesh, as written in the robot's file.
         file: String,
         /// Factors of the mesh's lengths along its x, y and z axes.
         scale: Vector3<f64>,
     },
-    /// The convex hull of these vertices (m).
+    /// The convex hull of a list of vertices (m).
     Hull(Vec<Vector3<f64>>),
 }
 

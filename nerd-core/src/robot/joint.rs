@@ -14,7 +14,7 @@ pub enum JointKind {
     Prismatic,
 }
 
-/// Position limit of a joint. While the position is beyond the limit, a spring and a damper push it back.
+/// Position limit of a joint. Beyond the limit a spring and a damper push the joint back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
     /// Lower end (rad or m).
@@ -56,9 +56,9 @@ pub struct Joint {
     pub name: String,
     /// Type of motion.
     pub kind: JointKind,
-    /// For a mimic joint, the coordinate that it follows. The limit, spring, damping and friction of a mimic joint have
-    /// no effect. Reading a URDF narrows the limit of the leading joint instead, and adds damping and friction to the
-    /// leading joint.
+    /// For a mimic joint, the law by which it follows a coordinate. The limit, spring, damping and friction of a mimic
+    /// joint have no effect. Reading a URDF narrows the limit of the leading joint instead, and adds damping and
+    /// friction to the leading joint.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
@@ -72,11 +72,11 @@ pub struct Joint {
     pub rest: f64,
     /// Armature: inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
-    /// Largest effort (N m or N); infinite if the file gives none. Drives (`nerd_sim::drive`) keep within it; torques
-    /// given directly are not limited.
+    /// Largest effort (N m or N); infinite if the file gives none. It limits drives (`nerd_sim::drive`), but not
+    /// torques given directly.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite if the file gives none. Drives keep within it; torques given directly
-    /// are not limited by it.
+    /// Largest velocity (rad/s or m/s); infinite if the file gives none. It limits drives, but not torques given
+    /// directly.
     pub velocity: f64,
     origin: Isometry3<f64>,
     axis: Unit<Vector3<f64>>,

@@ -12,8 +12,8 @@ pub struct UrdfRobot {
     pub robot: Robot,
     /// Assumptions made where the file is silent, one line each.
     pub notes: Vec<String>,
-    /// Collision meshes on moving links. The robot does not use these meshes; a caller that reads their files may turn
-    /// them into contact points.
+    /// Collision meshes on moving links. The robot does not use these meshes; a caller may read their files and turn
+    /// the meshes into contact points.
     pub meshes: Vec<MeshFile>,
     /// Convex hulls: of meshes that were read, and of vertices given in the file.
     pub hulls: Vec<Hull>,

@@ -1,5 +1,5 @@
-//! Links and the robot they form. Bodies on fixed joints are lumped into the link that carries them. Every link except
-//! a floating root is carried by one moving joint.
+//! Links, and the robot that they form. Bodies on fixed joints are lumped into the link that carries them. Every link
+//! except a floating root is carried by one moving joint.
 //!
 //! Dimensions: with `k` independent one-DoF joints a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
@@ -28,7 +28,7 @@ impl Base {
 /// One rigid body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// Name from its file.
+    /// Name of the link's body in the robot's file.
     pub name: String,
     /// Index of the parent link; `None` for links on the fixed base and for a floating root.
     pub parent: Option<usize>,
@@ -76,7 +76,7 @@ impl Link {
 pub struct FixedFrame {
     /// Name of the body in the file.
     pub name: String,
-    /// Index of the moving link that carries it; `None` on a fixed base.
+    /// Index of the moving link that carries the frame; `None` on a fixed base.
     pub link: Option<usize>,
     /// Pose in the frame of the link, or of the base if `link` is `None`.
     pub pose: Isometry3<f64>,
@@ -86,8 +86,8 @@ pub struct FixedFrame {
 /// translations of the root link's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FreeRoot {
-    /// Inertia without weight (kg m^2 for rotations, kg for translations). The inertia of link 0 includes it, and the
-    /// link's compensated mass cancels its weight.
+    /// Inertia without weight (kg m^2 for rotations, kg for translations). The inertia of link 0 includes this
+    /// armature, and the link's compensated mass cancels the weight of the armature.
     pub armature: f64,
     /// Viscous damping (N m s/rad for rotations, N s/m for translations).
     pub damping: f64,
@@ -96,7 +96,7 @@ pub struct FreeRoot {
 /// A robot model. Links are in topological order: a parent comes before its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// Name from its file.
+    /// Name of the robot in its file.
     pub name: String,
     /// The base.
     pub base: Base,
@@ -260,9 +260,9 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// Collision geometry of a link for an engine with shapes. A box or cylinder is a shape if all its contact points
-    /// are in use; the remaining points are balls. A box's corners as balls of 1e-5 m would catch on the ground: a
-    /// sliding plate stops within a frame.
+    /// Collision geometry of a link for an engine with shapes. A box or cylinder is given as a shape if all its contact
+    /// points are in use. The remaining contact points are given as balls. A box's corners as balls of 1e-5 m would
+    /// catch on the ground: a sliding plate stops within a frame.
     pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).cloned().collect();
         let mut shapes = Vec::new();

@@ -13,8 +13,8 @@ use super::{Bodies, Body, BodyJoint, BodyJointKind, mimic::follow};
 use crate::prelude::*;
 
 impl UrdfRobot {
-    /// The robot of these bodies. On a fixed base the root body is dropped; on a floating base the root body is link 0.
-    /// Contact points come from [`Robot::default_contact_points`].
+    /// The robot made of `bodies`. On a fixed base the root body is dropped; on a floating base the root body is link
+    /// 0. Contact points come from [`Robot::default_contact_points`].
     ///
     /// # Errors
     /// If the joints form no tree, nothing moves, or an inertia is physically impossible. The error names the body or

@@ -26,7 +26,8 @@ impl Program {
                     Leaf::State(k) => view.state[k],
                     Leaf::Goal(k) => view.goal[k],
                     Leaf::Action(k) => inputs.action[k].clamp(-1.0, 1.0),
-                    // Torques are recorded even if the reward does not use them; then the caller may leave them out.
+                    // Torques are recorded even if the reward does not use them; the caller may then leave the torques
+                    // out.
                     Leaf::Torque(k) => inputs.torques.get(k).copied().unwrap_or(f64::NAN),
                     Leaf::Place { link, local, axis } => found.place(link, local)[axis],
                     Leaf::Distance(point) => found.distance(point),

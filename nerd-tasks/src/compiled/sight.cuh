@@ -44,7 +44,7 @@ BIG double ground(const Seen& s, double ahead, double aside) {
 #endif
 }
 
-// Adjoints of these quantities: add gradients to loads on links.
+// Adjoints of `place` and `gap`: add gradients to loads on links.
 FN void place_back(const Seen& s, int link, double x, double y, double z, int k, double by, Wrench* load) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z), force = v3(k == 0, k == 1, k == 2) * by;

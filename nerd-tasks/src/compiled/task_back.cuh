@@ -8,7 +8,7 @@ struct Steps {
     // Observation before each step; rows for the value network. A network's input is (row - mean) inverse, clipped to
     // +-5.
     const double *seen, *rows, *mean, *inverse;
-    // Weight of each step's reward, end of the step, and index of its value row, or -1.
+    // For each step: weight of its reward, its end, and index of its row for the value network, or -1.
     const double* shares;
     const unsigned char* ends;
     const int* asked;
@@ -19,7 +19,7 @@ struct Steps {
     // Per environment: gradients with respect to the state, to torques (by the reward, by the next frame), and to the
     // action.
     double *gradient, *by_torques, *pushed, *by_action;
-    // Set if an environment has a frame without a finite gradient; all its steps are then left out.
+    // Set if an environment has a frame without a finite gradient; all steps of this environment are then left out.
     unsigned* without;
     // Gradients with respect to the policy's `outputs` outputs, the means first, and to the log standard deviations.
     float *by_said, *by_spread;

@@ -283,7 +283,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Gives an error that has no place in the text the place of its function's name.
+/// Places an error without a place in the text at the name of its function.
 fn placed((span, said): (proc_macro2::Span, String), own: proc_macro2::Span) -> (proc_macro2::Span, String) {
     (if span.start().line == 0 || span.start() == proc_macro2::Span::call_site().start() { own } else { span }, said)
 }
