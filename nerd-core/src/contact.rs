@@ -1,23 +1,23 @@
 //! Contact points of links, contact quantities `c = (p0, p1, n, d)` of the paper (A.1) and the threshold of their mask.
 //!
-//! Geometry finds the contacts: a fixed list of points on the robot, each tested against the scene once a frame.
-//! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
-//! cylinder's rim, a vertex of a hull), so the surfaces touch at `d = radius`.
+//! Contacts are found by geometry: a fixed list of points on the robot is tested against the scene once a frame. The
+//! distance `d = n . (p0 - p1)` is measured from the contact point itself. The point is the centre of a sphere or of a
+//! capsule's end, a place on a cylinder's rim, or a vertex of a hull. So the surfaces touch at `d = radius`.
 
 use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// Candidate contact point of a link. Its [`Locus`] says whether it moves over the link from frame to frame.
+/// Candidate contact point of a link. The point's [`Locus`] says whether it moves over the link from frame to frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPoint {
     /// Index of the link.
     pub link: usize,
-    /// Position in the link frame (m); for a moving point, the middle of the region it moves in.
+    /// Position in the link frame (m). For a moving point, the middle of the region in which it moves.
     pub local: Vector3<f64>,
     /// Radius (m) of the ball around the point in the contact law.
     pub radius: f64,
-    /// Contact thickness (m), which sets the mask.
+    /// Contact thickness (m), which sets the distance at which the contact is masked ([`ContactPoint::threshold`]).
     pub thickness: f64,
     /// Where on the link the point can be.
     pub locus: Locus,
@@ -25,25 +25,26 @@ pub struct ContactPoint {
     pub surface: Option<usize>,
 }
 
-/// Region of a link that a contact point may occupy. The point takes the place that faces the surface it meets.
+/// Region of a link that a contact point may occupy. At each moment the point is where the region faces the surface
+/// that it meets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Locus {
     /// At `local`.
     Fixed,
-    /// On the rim of a disc about `local`: the rim's deepest point, rotated by an angle about the axis.
+    /// On the rim of a disc about `local`: the rim's deepest point, rotated by the angle `turn` about the disc's axis.
     ///
     /// A disc has three such points, at angles 0 and +-120 degrees. So a standing cylinder has the same stiffness in
-    /// all directions, `sum r r^T = 3/2 R^2`, wherever the first point lies. The outer two have equal gaps, so their
-    /// movement along the rim does no work.
+    /// all directions, `sum r r^T = 3/2 R^2`, wherever the first point lies. The points at +-120 degrees have equal
+    /// gaps, so their movement along the rim does no work.
     Rim {
         /// Axis, link frame.
         axis: UnitVector3<f64>,
         /// Radius of the disc (m).
         radius: f64,
-        /// Angle from the deepest point (rad).
+        /// Angle of the point from the rim's deepest point (rad).
         turn: f64,
     },
-    /// The deepest of several vertices, so that the gap is a continuous function of the pose.
+    /// At the deepest of several vertices, so that the gap is a continuous function of the link's pose.
     Hull {
         /// The vertices (m, link frame).
         vertices: Arc<[Vector3<f64>]>,
@@ -52,7 +53,7 @@ pub enum Locus {
     },
 }
 
-/// Below this sine of the angle between a disc's axis and the normal, the whole rim counts as equally deep.
+/// Below this sine of the angle between a disc's axis and the surface normal, the whole rim counts as equally deep.
 const MIN_TILT_SINE: f64 = 1e-9;
 
 impl ContactPoint {
@@ -61,14 +62,14 @@ impl ContactPoint {
         Self { link, local, radius, thickness: radius, locus: Locus::Fixed, surface: None }
     }
 
-    /// The three points of a disc. `centre` (m) and `axis` are in the link frame, `rim` is the disc's radius (m),
-    /// `radius` the edge's (m).
+    /// The three contact points of a disc. `centre` (m) and `axis` are in the link frame. `rim` is the disc's radius
+    /// (m), `radius` that of its edge (m).
     pub fn disc(link: usize, centre: Vector3<f64>, axis: UnitVector3<f64>, rim: f64, radius: f64) -> [Self; 3] {
         [0.0, TAU / 3.0, -TAU / 3.0]
             .map(|turn| Self { locus: Locus::Rim { axis, radius: rim, turn }, ..Self::new(link, centre, radius) })
     }
 
-    /// The deepest of `vertices` (m, link frame), each a ball of `radius` (m).
+    /// A contact point at the deepest of `vertices` (m, link frame), each vertex a ball of `radius` (m).
     pub fn hull(link: usize, vertices: impl Into<Arc<[Vector3<f64>]>>, radius: f64) -> Self {
         let vertices = vertices.into();
         let middle = vertices.iter().sum::<Vector3<f64>>() / vertices.len().max(1) as f64;
@@ -76,7 +77,7 @@ impl ContactPoint {
         Self { locus: Locus::Hull { vertices, reach }, ..Self::new(link, middle, radius) }
     }
 
-    /// Sets the index of the contact properties.
+    /// Sets the index of the contact properties in the table of the robot's file.
     pub fn on(self, surface: Option<usize>) -> Self {
         Self { surface, ..self }
     }
@@ -96,14 +97,16 @@ impl ContactPoint {
         }
     }
 
-    /// The deepest position on the disc or hull, used for its distance to a surface. Arguments as in `Self::facing`.
+    /// The deepest position (m, link frame) on the disc or hull, from which the distance to a surface is taken.
+    /// Arguments are those of `Self::facing`.
     pub fn deepest(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
     }
 
-    /// Velocity (m/s, axes of the normal) of a rim point relative to the disc's centre while the link has angular
-    /// velocity `spin` (rad/s): `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Zero for other
-    /// loci. Where the whole rim is nearly equally deep, the rate of t is limited to one radian per `time` (s).
+    /// Velocity (m/s, axes of the normal) of a rim point relative to the disc's centre; `spin` (rad/s) is the link's
+    /// angular velocity. For `turn = 0` this velocity is `-R t_dot`, with `t = s / |s|`, `s = n - (n . a) a`, `a_dot =
+    /// w x a`. The velocity is zero for other loci. Where the whole rim is nearly equally deep, the rate of t is
+    /// limited to one radian per `time` (s).
     pub fn runs(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>, spin: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let Locus::Rim { axis, radius, turn } = &self.locus else { return Vector3::zeros() };
         let axis = rotation * axis.as_ref();
@@ -120,7 +123,7 @@ impl ContactPoint {
         -(up_rate * cos + (axis_rate.cross(&up) + axis.cross(&up_rate)) * sin) * *radius
     }
 
-    /// Largest distance from `local` (m).
+    /// Largest distance (m) of the contact point from `local`.
     pub fn reach(&self) -> f64 {
         match &self.locus {
             Locus::Fixed => 0.0,
@@ -128,7 +131,7 @@ impl ContactPoint {
         }
     }
 
-    /// Positions (m, link frame) that enclose the region: twelve on the rim of a disc, all vertices of a hull.
+    /// Positions (m, link frame) that outline the point's region: twelve on the rim of a disc, all vertices of a hull.
     pub fn places(&self) -> Vec<Vector3<f64>> {
         match &self.locus {
             Locus::Fixed => vec![self.local],
@@ -142,7 +145,7 @@ impl ContactPoint {
         }
     }
 
-    /// The point on a link scaled by `factor`.
+    /// The same contact point on a link whose lengths are multiplied by `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         let locus = match &self.locus {
             Locus::Fixed => Locus::Fixed,
@@ -168,8 +171,8 @@ impl Locus {
         matches!(self, Self::Fixed)
     }
 
-    /// Position (link frame) that faces `normal` (link frame). On a disc: the point at angle `turn` if `own`, else the
-    /// deepest.
+    /// Position (m, link frame) that faces the surface with outward `normal` (link frame). On a disc: the point at
+    /// angle `turn` if `own`, else the deepest point.
     fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
         match self {
             Self::Fixed => *middle,
@@ -215,7 +218,7 @@ pub struct ContactEvent {
 }
 
 impl ContactEvent {
-    /// The event of a point at `p0` with nothing in reach.
+    /// The event of a contact point at `p0` (m, world) with no scene in reach.
     pub fn none(p0: Vector3<f64>) -> Self {
         Self { p0, p1: Vector3::zeros(), normal: Vector3::zeros(), distance: f64::INFINITY, collider: 0 }
     }

@@ -1,27 +1,28 @@
 //! Robot-centric frames, equations (1) to (8) of the paper's appendix A.1, both directions.
 //!
-//! The frame B of a state is the pose `(x, R)` of its root: the floating base, or the first moving link of a fixed-base
-//! robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are invariant already. In
-//! B, with twist `(w, v)` about the world origin:
+//! The frame B of a state is the pose `(x, R)` of its root. The root is the floating base, or the first moving link of
+//! a fixed-base robot. Only the coordinates of a *floating* root change with the frame; joint coordinates are the same
+//! in every frame. A root with position p, rotation Q and twist `(w, v)` about the world origin has these coordinates
+//! in B:
 //!
 //! ```text
 //! x_B = R^-1 (p - x)     R_B = R^-1 Q     w_B = R^-1 w     v_B = R^-1 (v - x cross w)
 //! ```
 //!
-//! With `(x, R)` taken from the state itself these are (1) to (4), `x_B = 0` and `R_B = 1`; with the frame of the token
-//! before they are (5) to (8). Differences are taken in f64 before the cast to f32, so moving the world changes them by
-//! rounding only.
+//! With `(x, R)` taken from the state itself these formulas are equations (1) to (4), and `x_B = 0`, `R_B = 1`. With
+//! the frame of the previous token the formulas are equations (5) to (8). Differences are taken in f64 before the cast
+//! to f32. So moving the world's origin changes the results by rounding only.
 
 use crate::prelude::*;
 
-/// Velocity of a floating root in its body axes: angular (rad/s), and of its origin (m/s).
+/// Velocity of a floating root in its body axes: angular velocity (rad/s), and velocity of the root's origin (m/s).
 pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
     let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
     let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
     [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
 }
 
-/// The frame B, at the root's pose.
+/// The frame B: the pose of a robot's root in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RootFrame {
     /// Origin x in the world (m).
@@ -41,12 +42,12 @@ impl RootFrame {
         Self { origin: vector(&state[..3]), rotation: quaternion(&state[3..7]) }
     }
 
-    /// A world point expressed in B (equation 5).
+    /// The world point `p` (m) expressed in B (equation 5).
     pub fn point(&self, p: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_transform_vector(&(p - self.origin))
     }
 
-    /// A world direction expressed in B.
+    /// The world direction `d` expressed in B.
     pub fn direction(&self, d: &Vector3<f64>) -> Vector3<f64> {
         self.rotation.inverse_transform_vector(d)
     }

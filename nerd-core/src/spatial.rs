@@ -1,9 +1,10 @@
 //! Spatial (6-D) algebra in one common frame.
 //!
-//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)` with `v` the velocity of the body's point at
-//! the frame's origin; a [`Wrench`] is `(n, f)` with `n` the moment about that origin. All vectors of one computation
-//! share one frame (world axes, origin at the root, see [`crate::dynamics`]), so no transforms between links are
-//! needed. Source: Featherstone, *Rigid Body Dynamics Algorithms* (2008), chapter 2, without Pluecker transforms.
+//! **Word order: angular first, then linear.** A [`Motion`] is `(w, v)`: w is the angular velocity (rad/s), and v the
+//! velocity (m/s) of the body's point at the frame's origin. A [`Wrench`] is `(n, f)`: the moment n about that origin
+//! (N m) and the force f (N). All vectors of one computation share one frame: world axes, origin at the root
+//! ([`crate::dynamics`]). So no transforms between links are needed. Source: Featherstone, *Rigid Body Dynamics
+//! Algorithms* (2008), chapter 2, without Pluecker transforms.
 
 use std::f64::consts::PI;
 use std::ops::{Add, AddAssign, Mul, Sub};
@@ -13,23 +14,23 @@ use nalgebra::{Matrix3, Matrix6, Rotation3, UnitQuaternion, UnitVector3, Vector3
 /// A twist (rad/s, m/s) or a spatial acceleration (rad/s^2, m/s^2): angular part, then linear part at the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
-    /// Angular part.
+    /// Angular part (rad/s or rad/s^2).
     pub ang: Vector3<f64>,
-    /// Linear part at the origin.
+    /// Linear part at the origin (m/s or m/s^2).
     pub lin: Vector3<f64>,
 }
 
-/// A wrench or a momentum: moment about the origin (N m), force (N).
+/// A wrench, or a momentum. A wrench has a moment about the origin (N m) and a force (N).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wrench {
-    /// Moment about the origin.
+    /// Moment about the origin (N m); angular momentum (N m s) of a momentum.
     pub ang: Vector3<f64>,
-    /// Force.
+    /// Force (N); linear momentum (N s) of a momentum.
     pub lin: Vector3<f64>,
 }
 
 impl Motion {
-    /// The k-th unit motion, angular axes first.
+    /// The k-th unit motion, `k` in 0..6: three angular axes, then three linear ones.
     #[inline]
     pub(crate) fn unit(k: usize) -> Self {
         let mut m = Self::default();
@@ -67,7 +68,7 @@ impl Motion {
 }
 
 impl Wrench {
-    /// The wrench of the force `f` at `x`.
+    /// The wrench (N m, N), about the origin, of the force `f` (N) at the position `x` (m).
     #[inline]
     pub fn force_at(f: Vector3<f64>, x: &Vector3<f64>) -> Self {
         Self::new(x.cross(&f), f)
@@ -77,19 +78,19 @@ impl Wrench {
 macro_rules! linear {
     ($t:ty) => {
         impl $t {
-            /// From the angular and the linear part.
+            /// Makes the vector from its angular and its linear part.
             #[inline]
             pub fn new(ang: Vector3<f64>, lin: Vector3<f64>) -> Self {
                 Self { ang, lin }
             }
 
-            /// Both parts in one vector.
+            /// All six numbers in one vector: the angular part, then the linear part.
             #[inline]
             pub fn vector(&self) -> Vector6<f64> {
                 Vector6::new(self.ang.x, self.ang.y, self.ang.z, self.lin.x, self.lin.y, self.lin.z)
             }
 
-            /// From the first six numbers of `x`.
+            /// Reads the first six numbers of `x`: the angular part, then the linear part.
             #[inline]
             pub fn from_slice(x: &[f64]) -> Self {
                 Self::new(Vector3::new(x[0], x[1], x[2]), Vector3::new(x[3], x[4], x[5]))
@@ -140,13 +141,14 @@ pub struct BodyInertia {
 }
 
 impl BodyInertia {
-    /// The inertia in a frame in which the present link frame has pose (`rotation`, `translation`).
+    /// The inertia of the same body in another frame, in which the link frame has pose (`rotation`, `translation` in
+    /// m).
     pub fn transformed(&self, rotation: &Rotation3<f64>, translation: &Vector3<f64>) -> Self {
         let r = rotation.matrix();
         Self { mass: self.mass, com: r * self.com + translation, inertia: r * self.inertia * r.transpose() }
     }
 
-    /// Two bodies welded together (parallel-axis theorem, exact).
+    /// The inertia of this body and `other` welded together, by the parallel-axis theorem (exact).
     pub fn welded(&self, other: &Self) -> Self {
         let mass = self.mass + other.mass;
         let com = if mass > 0.0 { (self.com * self.mass + other.com * other.mass) / mass } else { self.com };
@@ -173,13 +175,13 @@ impl PointMass {
     }
 }
 
-/// `m (|c|^2 1 - c c^T)`: rotational inertia of a point mass at `c`.
+/// `m (|c|^2 1 - c c^T)`: rotational inertia (kg m^2) about the origin of a point mass m (kg) at `c` (m).
 #[inline]
 pub fn parallel_axis(mass: f64, c: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::from_diagonal_element(mass * c.norm_squared()) - c * c.transpose() * mass
 }
 
-/// Inertia of one or several welded bodies about the common origin, in the common axes.
+/// Inertia of one body, or of several welded together, about the origin of the frame that a computation shares.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpatialInertia {
     /// Mass (kg).
@@ -191,7 +193,7 @@ pub struct SpatialInertia {
 }
 
 impl SpatialInertia {
-    /// Spatial inertia of a body with link frame at rotation `r` and position `x`.
+    /// Spatial inertia of a body whose link frame has rotation `r` and position `x` (m).
     #[inline]
     pub fn of(body: &BodyInertia, r: &Matrix3<f64>, x: &Vector3<f64>) -> Self {
         let c = r * body.com + x;
@@ -202,13 +204,13 @@ impl SpatialInertia {
         }
     }
 
-    /// Momentum `I m` of the twist `m`.
+    /// Momentum `I m` (N m s, N s) of the twist `m` (rad/s, m/s).
     #[inline]
     pub fn apply(&self, m: &Motion) -> Wrench {
         Wrench::new(self.inertia * m.ang + self.moment.cross(&m.lin), m.lin * self.mass - self.moment.cross(&m.ang))
     }
 
-    /// The 6x6 matrix `[[I, h x], [-h x, m 1]]`, with h the first moment.
+    /// The 6x6 matrix `[[I, h x], [-h x, m 1]]`, with I the rotational inertia, h the first moment and m the mass.
     pub fn matrix(&self) -> Matrix6<f64> {
         let h = self.moment.cross_matrix();
         blocks(&self.inertia, &h, &h.transpose(), &Matrix3::from_diagonal_element(self.mass))
@@ -233,7 +235,8 @@ impl AddAssign for SpatialInertia {
     }
 }
 
-/// The shortest rotation of the axis `from` (x or z) onto a direction; onto the opposite one half a turn about z or x.
+/// The shortest rotation of the axis `from` (x or z) onto the direction `to`. Onto the opposite direction it is half a
+/// turn: about z for x, about x for z.
 pub fn rotation_from(from: &UnitVector3<f64>, to: &Vector3<f64>) -> UnitQuaternion<f64> {
     let about = if from.x == 0.0 { Vector3::x_axis() } else { Vector3::z_axis() };
     UnitQuaternion::rotation_between(from, to).unwrap_or_else(|| UnitQuaternion::from_axis_angle(&about, PI))

@@ -7,8 +7,9 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::robot::Robot;
 
-/// Wraps an angle to [-pi, pi) by removing whole turns of `2.0 * PI` without rounding. NaN for an angle that is not
-/// finite. Beyond 1e15 rad the result is in range but meaningless: the argument's rounding exceeds a turn.
+/// Wraps an angle (rad) to [-pi, pi) by removing whole turns of `2.0 * PI` without rounding. Returns NaN for an angle
+/// that is not finite. Beyond 1e15 rad the result is in range but meaningless, since the angle's rounding exceeds a
+/// turn.
 #[inline]
 pub fn wrap(x: f64) -> f64 {
     if (-PI..PI).contains(&x) {
@@ -24,7 +25,8 @@ pub fn wrap(x: f64) -> f64 {
     }
 }
 
-/// Wraps the angles of all hinges without limits in one state in place, see [`crate::robot::Joint::wraps`].
+/// Wraps, in place, the angles of one state's hinges that have neither limits nor a spring
+/// ([`crate::robot::Joint::wraps`]).
 #[inline]
 pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     for (joint, q) in robot.joints().zip(&mut state[robot.root_coords()..]) {
@@ -35,8 +37,9 @@ pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
 }
 
 /// Moves coordinates `q[nq]` along a tangent `v[nv]`: a velocity in the local form times one second
-/// ([`crate::dynamics::to_local`]). A floating root rotates by a rotation vector and translates in world axes (rad, m);
-/// joints add. Angles of hinges without limits are wrapped.
+/// ([`crate::dynamics::to_local`]). A floating root rotates by the rotation vector `v[..3]` (rad) and translates by
+/// `v[3..6]` (m), both in world axes. Joint coordinates add their entry of `v`. Angles of hinges with neither limits
+/// nor a spring are wrapped.
 pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
     out.copy_from_slice(q);
     if robot.floating() {
@@ -48,7 +51,7 @@ pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// The shortest tangent `out[nv]` from `a` to `b`: the inverse of [`integrate`].
+/// Writes the shortest tangent `out[nv]` (rad, m) from coordinates `a[nq]` to `b[nq]`: the inverse of [`integrate`].
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64], out: &mut [f64]) {
     if robot.floating() {
         let turn = (quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse()).scaled_axis();
@@ -68,13 +71,13 @@ pub fn vector(x: &[f64]) -> Vector3<f64> {
     Vector3::new(x[0], x[1], x[2])
 }
 
-/// The unit quaternion `x y z w`, normalised.
+/// Reads a quaternion `x y z w` and normalises it.
 #[inline]
 pub fn quaternion(x: &[f64]) -> UnitQuaternion<f64> {
     UnitQuaternion::new_normalize(raw_quaternion(x))
 }
 
-/// The quaternion `x y z w`, of any length.
+/// Reads a quaternion `x y z w` of any norm.
 #[inline]
 pub fn raw_quaternion(x: &[f64]) -> Quaternion<f64> {
     Quaternion::new(x[3], x[0], x[1], x[2])

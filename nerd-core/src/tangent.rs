@@ -1,12 +1,13 @@
-//! The tangent space of a state `[q, qd]`, the space of gradients: `2 nv` numbers `[pose, velocities]`, each laid out
-//! as `qd`, angular part first. A floating root has a rotation vector (rad), a translation (m), an angular and a linear
-//! velocity, all in its **body axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
+//! The tangent space of a state `[q, qd]`, in which gradients are expressed: `2 nv` numbers `[pose, velocities]`, each
+//! half laid out as `qd`, angular part first. A floating root has a rotation vector t (rad), a translation d (m), an
+//! angular velocity a and a linear velocity b, all in its **body axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`,
+//! `b = R^-1 x_dot`. For joints the tangent is added to q and qd.
 
 use nalgebra::Quaternion;
 
 use crate::{dynamics::onto, frames::own_velocity, prelude::*, state::wrap_state};
 
-/// Writes the state at tangent `change[2 nv]` from `state` to `out`; to first order the inverse of [`difference`].
+/// Writes to `out` the state that is `change[2 nv]` away from `state`. To first order this inverts [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     out.copy_from_slice(state);
@@ -28,8 +29,9 @@ pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// Tangent from state `a` to state `b`, `[2 nv]`: `[pose, velocities]`, each laid out as `qd`. For a floating root:
-/// rotation (twice the vector part of `a^-1 b`, rad), translation (m) and the difference of velocities in body axes.
+/// Tangent `[2 nv]` from state `a` to state `b`: `[pose, velocities]`, each half laid out as `qd`. A floating root has
+/// a rotation (twice the vector part of `a^-1 b`, rad), a translation (m) and differences of velocities. Each velocity
+/// is in the body axes of its own state.
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; 2 * nv];
@@ -48,8 +50,8 @@ pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Vector-Jacobian product of [`difference`] with respect to `b`: adds the gradient for `upstream[2 nv]` to
-/// `gradient[2 nv]`.
+/// Vector-Jacobian product of [`difference`] with respect to `b`. Adds the gradient with respect to `b` to `gradient[2
+/// nv]`, given the gradient `upstream[2 nv]` with respect to the tangent.
 pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gradient: &mut [f64]) {
     let first = if robot.floating() { 6 } else { 0 };
     let nv = robot.nv();
@@ -65,8 +67,8 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gr
     }
 }
 
-/// Adds to `gradient[2 nv]` the tangent-space gradient for `by`, the gradient with respect to the numbers `[q, qd]` of
-/// a state. Uses `w = R a` and `v = R b + x cross w`.
+/// Converts `by`, the gradient with respect to the numbers `[q, qd]` of a state, to the tangent space. Adds the result
+/// to `gradient[2 nv]`. Uses `w = R a` and `v = R b + x cross w`.
 pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {
@@ -84,9 +86,9 @@ pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f6
     }
 }
 
-/// The inverse of [`numbers_back`]: from the tangent-space gradient `gradient[2 nv]` to the gradient with respect to
-/// the numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function independent of the
-/// quaternion's length.
+/// The inverse of [`numbers_back`]: converts the tangent-space gradient `gradient[2 nv]` to the gradient with respect
+/// to the numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function that does not depend
+/// on the quaternion's norm.
 pub fn by_numbers(robot: &Robot, state: &[f64], gradient: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; nq + nv];
@@ -105,8 +107,8 @@ pub fn by_numbers(robot: &Robot, state: &[f64], gradient: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Adds a force at a contact point to the `loads[link]` about the common origin. The moment about a disc's axis is
-/// removed, since a rim point does not rotate with the link about it.
+/// Adds a force (N, world axes) at a contact point to `loads[link]`, wrenches about the common origin. For a rim point
+/// the moment about the disc's axis is removed, since the point does not rotate with the link about this axis.
 pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vector3<f64>, loads: &mut [Wrench]) {
     loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
     if let Locus::Rim { axis, .. } = &point.locus {
@@ -116,8 +118,8 @@ pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vect
     }
 }
 
-/// Adds `J^T` times `loads[link]` (wrenches about the common origin) to the pose part of `gradient[2 nv]`. On return
-/// each load is the sum over its subtree.
+/// Adds `J^T` times `loads[link]` (wrenches about the common origin) to the pose half of `gradient[2 nv]`. On return
+/// each load is the sum over its link's subtree.
 pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], gradient: &mut [f64]) {
     let mut along = vec![0.0; robot.nv()];
     onto(robot, data, loads, &mut along);
@@ -129,7 +131,7 @@ pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], gradient:
     gradient.iter_mut().zip(along).for_each(|(s, a)| *s += a);
 }
 
-/// The vector part of `a^-1 b` of the root quaternions, and the sign that selects the shorter rotation.
+/// The vector part of `a^-1 b`, with a and b the root quaternions, and the sign that selects the shorter rotation.
 fn turned(a: &[f64], b: &[f64]) -> (Vector3<f64>, f64) {
     let turn = quaternion(&a[3..7]).inverse() * quaternion(&b[3..7]);
     (turn.imag(), if turn.w < 0.0 { -1.0 } else { 1.0 })

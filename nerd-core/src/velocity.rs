@@ -1,6 +1,6 @@
 //! The two forms of a robot's velocity, as types that cannot be confused.
 //!
-//! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics use a [`LocalVelocity`]. They differ only for a floating
+//! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics use a [`LocalVelocity`]. The two differ only for a floating
 //! root:
 //!
 //! ```text
@@ -8,7 +8,7 @@
 //! LocalVelocity   (w, p_dot, joint rates)    velocity of the root at its position p
 //! ```
 //!
-//! Both are in world axes. `V` is any container of the `nv` numbers: a `Vec`, an array, a slice.
+//! Both forms are in world axes (rad/s, m/s). `V` is any container of the `nv` numbers: a `Vec`, an array, a slice.
 
 use crate::prelude::*;
 
@@ -16,8 +16,8 @@ use crate::prelude::*;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialTwist<V>(pub V);
 
-/// Velocity in the form of the dynamics: a floating root's angular velocity and its origin's velocity, then the joint
-/// velocities.
+/// Velocity in the form of the dynamics: a floating root's angular velocity and the velocity of its position, then the
+/// joint velocities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalVelocity<V>(pub V);
 
@@ -28,7 +28,7 @@ impl Robot {
         (q, SpatialTwist(qd))
     }
 
-    /// As `Self::split`, mutable.
+    /// Like `Self::split`, with mutable parts.
     pub fn split_mut<'a>(&self, state: &'a mut [f64]) -> (&'a mut [f64], SpatialTwist<&'a mut [f64]>) {
         let (q, qd) = state.split_at_mut(self.nq());
         (q, SpatialTwist(qd))
@@ -36,7 +36,7 @@ impl Robot {
 }
 
 impl<V: AsRef<[f64]>> SpatialTwist<V> {
-    /// A copy in the form of the dynamics, at coordinates `q`.
+    /// A copy converted to the form of the dynamics, at coordinates `q`.
     pub fn to_local(&self, robot: &Robot, q: &[f64]) -> LocalVelocity<Vec<f64>> {
         SpatialTwist(self.0.as_ref().to_vec()).into_local(robot, q)
     }
@@ -57,14 +57,15 @@ impl<V: AsMut<[f64]>> LocalVelocity<V> {
         SpatialTwist(self.0)
     }
 
-    /// Adds `acceleration` (`nv` numbers) times `time` (s).
+    /// Adds `acceleration[nv]` (rad/s^2, m/s^2) times `time` (s) to the velocity.
     pub fn accelerate<'a>(&mut self, acceleration: impl IntoIterator<Item = &'a f64>, time: f64) {
         self.0.as_mut().iter_mut().zip(acceleration).for_each(|(v, a)| *v += a * time);
     }
 }
 
 impl<V: AsRef<[f64]>> LocalVelocity<V> {
-    /// Advances a state `[q, qd]` by `time` (s) at this velocity and stores the velocity in it. Angles are not wrapped.
+    /// Advances the coordinates of a state `[q, qd]` by `time` (s) at this velocity, and stores this velocity in the
+    /// state. Angles are not wrapped.
     pub fn advance(&self, robot: &Robot, state: &mut [f64], time: f64) {
         let (own, (q, qd)) = (self.0.as_ref(), state.split_at_mut(robot.nq()));
         drift(robot, q, own, time);

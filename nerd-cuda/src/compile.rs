@@ -7,20 +7,21 @@ use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
 use crate::error::DeviceError;
 
-/// PTX of `source` for a compute capability (major, minor). Each pair is compiled once per process.
+/// PTX of `source` for a compute capability (major, minor). Each pair of source and capability is compiled once per
+/// process.
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
     type Cache = Mutex<HashMap<((i32, i32), String), Arc<Mutex<Option<Ptx>>>>>;
     static CACHE: LazyLock<Cache> = LazyLock::new(Cache::default);
     let entry =
         CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
-    // Held during compilation, so that other threads with the same source wait for the result.
+    // The lock is held during compilation, so that other threads with the same source wait for the result.
     let mut own = entry.lock().unwrap_or_else(|lost| lost.into_inner());
     if let Some(ptx) = &*own {
         return Ok(ptx.clone());
     }
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
-    // NVRTC 13.0 takes lambdas for host code and refuses them, and they cannot be marked `__device__`. NVRTC 13.5
-    // accepts them.
+    // The option makes unmarked functions device code. Without it NVRTC 13.0 refuses lambdas as host code, and lambdas
+    // cannot be marked `__device__`. NVRTC 13.5 accepts lambdas.
     let options = CompileOptions {
         options: vec![architecture, "--device-as-default-execution-space".into()],
         ..Default::default()

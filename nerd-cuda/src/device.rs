@@ -10,7 +10,7 @@ use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
 use crate::{compile::compiled, precision::Precision};
 
-/// Workspace of cuBLAS per stream (bytes). A fixed size keeps its choice of algorithms the same.
+/// Workspace of cuBLAS per stream (bytes). A fixed size keeps cuBLAS's choice of algorithms the same.
 const WORKSPACE: usize = 32 << 20;
 
 /// Dynamic shared memory (bytes) that a kernel may use without an opt-in.
@@ -57,7 +57,8 @@ pub struct Device {
     pub(crate) precision: Precision,
 }
 
-/// A compilation on another thread. Dropping it waits for the end: the process must not exit inside the compiler.
+/// A compilation on another thread. Dropping this value waits for the compilation's end: the process must not exit
+/// inside the compiler.
 pub struct Foreseen(Option<JoinHandle<bool>>);
 
 impl Drop for Foreseen {
@@ -83,7 +84,8 @@ impl Device {
         Ok(device)
     }
 
-    /// Compiles another source and adds its kernels. Their names must differ from the names already loaded.
+    /// Compiles another source and adds its kernels. The new kernels must have other names than the kernels already
+    /// loaded.
     pub fn add(&mut self, source: &str, kernels: &[&'static str]) -> Result<(), DeviceError> {
         let ptx = compiled(source, self.capability()?)?;
         let module = self.context.load_module(ptx).map_err(failed("kernels do not load"))?;
@@ -93,8 +95,8 @@ impl Device {
         Ok(())
     }
 
-    /// Starts to compile `source` on another thread, for a device that will soon be opened with it. Failures show at
-    /// opening.
+    /// Starts to compile `source` on another thread, for a device that will soon be opened with this source. A failure
+    /// to compile shows when the device is opened.
     pub fn foresee(&self, source: &str) -> Result<Foreseen, DeviceError> {
         let (capability, source) = (self.capability()?, source.to_string());
         Ok(Foreseen(std::thread::Builder::new().spawn(move || compiled(&source, capability).is_ok()).ok()))
@@ -105,7 +107,7 @@ impl Device {
         self.context.compute_capability().map_err(failed("compute capability"))
     }
 
-    /// Largest shared memory of a block, with opt-in (bytes).
+    /// Largest shared memory (bytes) that a block may use with an opt-in.
     pub fn shared(&self) -> Result<usize, DeviceError> {
         let most = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_BLOCK_OPTIN;
         Ok(self.context.attribute(most).map_err(failed("shared memory"))? as usize)
@@ -138,12 +140,12 @@ impl Device {
         Ok(())
     }
 
-    /// Zeroed memory for `len` values.
+    /// Allocates zeroed memory for `len` values.
     pub fn zeros<T: Copy>(&self, len: usize) -> Result<Buffer<T>, DeviceError> {
         allocate(&self.context, len)
     }
 
-    /// Allocates memory and copies `values` there.
+    /// Allocates device memory and copies `values` to it.
     pub fn upload<T: Copy>(&self, values: &[T]) -> Result<Buffer<T>, DeviceError> {
         let buffer = self.zeros(values.len())?;
         self.write(&buffer, values)?;
@@ -211,7 +213,7 @@ impl Device {
         event.record(&self.stream(lane)).map_err(failed("event"))
     }
 
-    /// Makes `lane` wait for `event`.
+    /// Makes later work on `lane` wait for `event`.
     pub fn after(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
         self.stream(lane).wait(event).map_err(failed("event"))
     }
@@ -313,7 +315,8 @@ fn present(name: &str, found: bool) -> Result<(), DeviceError> {
     found.then_some(()).ok_or_else(missing)
 }
 
-/// The arguments of a kernel, in its order: addresses, buffers, whole numbers, f32 and f64, by their types.
+/// The arguments of a kernel, in the kernel's order: addresses, buffers, whole numbers, f32 and f64. Each is passed by
+/// its type.
 #[macro_export]
 macro_rules! args {
     ($($x:expr),* $(,)?) => { [$($crate::Arg::from($x)),*] };

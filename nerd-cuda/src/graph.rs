@@ -7,16 +7,16 @@ use cudarc::driver::CudaGraph;
 use crate::device::{Device, Lane};
 use crate::error::{DeviceError, failed};
 
-/// Runs work kernel by kernel at the first call and captures it; from the second call on, launches the graph. For one
-/// key, the memory that the work reads and writes must stay in place. Inside another capture, the work joins that
-/// graph.
+/// Runs work kernel by kernel at the first call and captures it as a CUDA graph; later calls launch the graph. For one
+/// key, the memory that the work reads and writes must stay in place. Inside another capture, the work becomes part of
+/// that capture's graph.
 pub struct Replay<K = ()> {
     /// Key, stream at capture, graph; oldest first.
     graphs: RefCell<Vec<(K, usize, CudaGraph)>>,
     most: usize,
 }
 
-// SAFETY: the driver lets threads use a graph one after the other, but not at once. This type is not `Sync`, and a
+// SAFETY: the driver lets threads use a graph one after the other, but not at once. `Replay` is not `Sync`, and a
 // launch binds the context to the calling thread.
 unsafe impl<K: Send> Send for Replay<K> {}
 

@@ -1,8 +1,8 @@
 //! A small layer over CUDA for kernels compiled at run time.
 //!
-//! The layer is for authors of kernels. Addresses, shapes and launch sizes are not checked: a wrong one reads or writes
-//! other memory of the device. Work runs on two streams ([`Lane`]), each in order. Calls return a [`DeviceError`] if
-//! the driver or a library fails.
+//! The layer is for authors of kernels. Addresses, shapes and launch sizes are not checked: a wrong value makes a
+//! kernel read or write other memory of the device. Work runs on two streams ([`Lane`]), each in order. Calls return a
+//! [`DeviceError`] if the driver or a library fails.
 
 mod beside;
 mod compile;

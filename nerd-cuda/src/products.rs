@@ -8,26 +8,26 @@ use crate::{error::DeviceError, precision::Precision};
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]
 pub enum Op {
-    /// Used as stored.
+    /// The operand is used as stored.
     Plain,
-    /// Transposed.
+    /// The operand is transposed.
     Transposed,
 }
 
 /// Shapes of a batch of equal products `c = op(a) op(b)`, with `c` of `m x n` and inner size `k`.
 #[derive(Clone, Copy)]
 pub struct Batch {
-    /// `op` of `a` and of `b`.
+    /// Transposition of `a` and of `b`.
     pub ops: (Op, Op),
-    /// `m`, `n`, `k`.
+    /// Sizes `m` and `n` of `c`, and inner size `k`.
     pub size: (usize, usize, usize),
     /// Number of products.
     pub count: usize,
 }
 
 impl Device {
-    /// Column-major `c = op(a) op(b) + beta c`, with `c` of `m x n` and inner size `k`. Operands are (address, leading
-    /// dimension).
+    /// Computes the column-major product `c = op(a) op(b) + beta c`, with `c` of `m x n` and inner size `k`. Operands
+    /// are (address, leading dimension).
     #[allow(clippy::too_many_arguments)]
     pub fn product(
         &self,
@@ -68,8 +68,8 @@ impl Device {
         .map_err(|e| DeviceError(format!("matrix product {m} x {n} x {k}: {e:?}")))
     }
 
-    /// A batch of column-major products `c = op(a) op(b)`. Operands are (address, leading dimension, stride), in
-    /// values.
+    /// Computes a batch of column-major products `c = op(a) op(b)`. Operands are (address, leading dimension, stride
+    /// between matrices), the last two in values.
     pub fn products(
         &self,
         lane: Lane,

@@ -22,7 +22,7 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     };
     let Ok(array) = array.cast::<PyArrayDyn<T>>() else {
         let found = array.dtype();
-        // Byte order is part of a dtype.
+        // An array in another byte order has another dtype, so the error names the byte order.
         let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
         let remedy = if wanted.kind() == b'b' { String::new() } else { format!("; take .astype(\"{wanted}\")") };
         return Err(PyTypeError::new_err(format!(
@@ -34,14 +34,14 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     }
     // Read-only borrows may overlap; an array that Rust writes to cannot be borrowed.
     let array = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{what}: {e}")))?;
-    // Row-major order, whatever the strides.
+    // Elements in row-major order, whatever the array's strides.
     Ok(array.as_array().iter().copied().collect())
 }
 
-/// A new array of these elements.
+/// A new numpy array of shape `shape`, with `numbers` in row-major order.
 ///
 /// # Errors
-/// `ValueError` if their count differs from the shape's.
+/// `ValueError` if the count of `numbers` differs from that of the shape.
 pub fn made<'py, T: Element>(py: Python<'py>, numbers: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     PyArray1::from_vec(py, numbers).reshape(shape)
 }

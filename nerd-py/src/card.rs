@@ -1,4 +1,5 @@
-//! Exchange of GPU arrays by DLPack capsules in both directions, ordered between the streams of both sides.
+//! Exchange of GPU arrays by DLPack capsules, from this package to other libraries and back. The streams of both sides
+//! wait for each other's work on an array.
 
 use std::any::Any;
 use std::ffi::{CStr, c_void};
@@ -12,12 +13,12 @@ use pyo3::prelude::*;
 
 use crate::error::value;
 
-/// Name of a capsule until a consumer takes its content.
+/// Name of a DLPack capsule until a consumer takes its content.
 const NAME: &CStr = c"dltensor";
-/// DLPack's device type of CUDA.
+/// DLPack's number for the device type CUDA.
 const CUDA: i32 = 2;
 
-/// DLPack's data type: code, bits, lanes (1).
+/// DLPack's data type: type code, bits per number, lanes (1).
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Kind(u8, u8, u16);
@@ -34,7 +35,7 @@ impl Kind {
     }
 }
 
-/// `DLTensor`.
+/// DLPack's struct `DLTensor`.
 #[repr(C)]
 struct Tensor {
     data: *mut c_void,
@@ -46,16 +47,16 @@ struct Tensor {
     first: u64,
 }
 
-/// `DLManagedTensor`.
+/// DLPack's struct `DLManagedTensor`.
 #[repr(C)]
 struct Managed {
     tensor: Tensor,
-    /// Our [`Kept`].
+    /// Address of the boxed [`Kept`] that lives as long as the capsule's content.
     kept: *mut c_void,
     delete: Option<unsafe extern "C" fn(*mut Managed)>,
 }
 
-/// Owners that live as long as the array is in use.
+/// Owners of an array's memory and shape, kept as long as a consumer uses the array.
 struct Kept {
     shape: Vec<i64>,
     _memory: Arc<dyn Any + Send + Sync>,
@@ -71,16 +72,16 @@ pub struct CardArray {
     order: Order,
 }
 
-/// The stream that writes an array; for a simulation's states, the solver's.
+/// The stream that writes an array. For a simulation's states it is the solver's stream.
 pub type Order = Arc<Mutex<Beside>>;
 
-/// The present stream.
+/// The stream that writes the array at present.
 pub fn beside(order: &Order) -> Beside {
     order.lock().unwrap_or_else(PoisonError::into_inner).clone()
 }
 
 impl CardArray {
-    /// Shared GPU memory as an array of this data type and shape.
+    /// An array with this data type and shape on shared GPU memory.
     pub fn new<T: 'static, M: Any + Send + Sync>(
         memory: &Arc<M>,
         of: &Buffer<T>,
@@ -95,7 +96,7 @@ impl CardArray {
 }
 
 unsafe extern "C" fn delete(managed: *mut Managed) {
-    // SAFETY: `managed` and `kept` are boxes made by `__dlpack__`, and the consumer calls once.
+    // SAFETY: `managed` and `kept` are boxes made by `__dlpack__`, and the consumer calls this function once.
     unsafe {
         let managed = Box::from_raw(managed);
         drop(Box::from_raw(managed.kept.cast::<Kept>()));
@@ -104,7 +105,7 @@ unsafe extern "C" fn delete(managed: *mut Managed) {
 
 /// Destructor of a capsule: deletes the content unless a consumer has taken it.
 unsafe extern "C" fn end(capsule: *mut PyObject) {
-    // SAFETY: Python calls it once; while the capsule has our name, its content is still ours to delete.
+    // SAFETY: Python calls this function once. While the capsule has our name, its content is still ours to delete.
     unsafe {
         if PyCapsule_IsValid(capsule, NAME.as_ptr()) == 1 {
             delete(PyCapsule_GetPointer(capsule, NAME.as_ptr()).cast());
@@ -114,12 +115,12 @@ unsafe extern "C" fn end(capsule: *mut PyObject) {
 
 #[pymethods]
 impl CardArray {
-    /// The device type and its ordinal.
+    /// DLPack's number for the device type, and the ordinal of the GPU.
     fn __dlpack_device__(&self) -> (i32, usize) {
         (CUDA, beside(&self.order).ordinal())
     }
 
-    /// A DLPack capsule. The stream with this handle waits until the array is written.
+    /// A DLPack capsule of the array. The stream with the handle `stream` waits until the array is written.
     #[pyo3(signature = (*, stream=None, max_version=None, dl_device=None, copy=None))]
     fn __dlpack__<'py>(
         &self,
@@ -135,7 +136,7 @@ impl CardArray {
                 "this array stays where it is: take it, then copy it",
             ));
         }
-        // -1: the consumer synchronises by itself.
+        // A handle of -1 means that the consumer synchronises by itself.
         match stream.unwrap_or(1) {
             -1 => {}
             handle => beside(&self.order).lead(handle as usize).map_err(value)?,
@@ -158,8 +159,8 @@ impl CardArray {
     }
 }
 
-/// The address of an array on this GPU with exactly this data type and shape, row-major; `stream` waits until the array
-/// is written. The caller must make the other side's stream wait until the array is read.
+/// The address of an array on this GPU with exactly this data type and shape, row-major. `stream` waits until the array
+/// is written. The caller must make the stream that owns the array wait until the array is read.
 ///
 /// # Errors
 /// `TypeError` for another object, device or data type, `ValueError` for another shape or layout.
@@ -200,7 +201,7 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
     };
     let wanted: Vec<i64> = shape.iter().map(|n| *n as i64).collect();
     let rows: Vec<i64> = (0..axes).map(|k| found[k + 1..].iter().product()).collect();
-    // The stride of an axis with one entry is meaningless.
+    // The stride of an axis with one entry has no effect, so any value is accepted.
     let lies = strides.iter().zip(&rows).zip(&found).all(|((stride, row), n)| stride == row || *n == 1);
     if found != wanted || !lies {
         return Err(PyValueError::new_err(format!(

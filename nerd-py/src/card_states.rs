@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::card::{CardArray, DOUBLE, Order, address, beside};
 
-/// The states, and the array library that presents them.
+/// The states of a simulation on a GPU, and the array library (such as torch) that presents them.
 pub struct Card {
     shared: Mutex<SharedStates>,
     states: Arc<Buffer<f64>>,
@@ -30,7 +30,7 @@ impl Card {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Continues with the simulation's new solver.
+    /// Continues with the simulation's new solver, after the simulation has changed it.
     pub fn hold(&self, simulation: &mut Simulation) -> Result<(), StepError> {
         let mut shared = self.shared();
         shared.hold(simulation)?;
@@ -38,12 +38,12 @@ impl Card {
         Ok(())
     }
 
-    /// The GPU address of torques.
+    /// The GPU address of the torques `tau`, an array of shape `shape`; the solver's stream waits until it is written.
     pub fn torques(&self, tau: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<u64> {
         address("tau", tau, DOUBLE, shape, &beside(&self.order))
     }
 
-    /// The states as an array of the library; its stream waits for them.
+    /// The states as an array of the library `xp`; the library's stream waits until they are written.
     pub fn states<'py>(&self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
         let array = CardArray::new(&self.states, &self.states, DOUBLE, shape, &self.order);
         self.xp.bind(py).call_method1("from_dlpack", (array,))

@@ -11,7 +11,7 @@ use crate::error::value;
 use crate::system::Named;
 use crate::task::read;
 
-/// Episodes of a task in n environments on a GPU. Results are GPU arrays with the same memory in every step.
+/// Episodes of a task in n environments on a GPU. Results are GPU arrays whose memory is the same in every step.
 ///
 /// CardTask(name, robot=None, n=1, solver="articulated", family=None)
 #[pyclass(frozen, module = "nerd")]
@@ -56,14 +56,14 @@ impl CardTask {
         Ok(Self { observation, action, n, order: Arc::new(Mutex::new(inner.beside())), inner: Mutex::new(inner) })
     }
 
-    /// step(actions): steps all environments with float32 [n, action] on the GPU, without waiting; results appear in
-    /// arrays().
+    /// step(actions): steps all environments with actions, float32 [n, action] on the GPU, without waiting for the GPU.
+    /// arrays() gives the results.
     fn step(&self, py: Python<'_>, actions: &Bound<'_, PyAny>) -> PyResult<()> {
         let actions = address("actions", actions, SINGLE, &[self.n, self.action], &beside(&self.order))?;
         self.with(py, |all| all.step(actions))
     }
 
-    /// reset(seed): begins the first episodes of a seed.
+    /// reset(seed): begins the first episodes of the random seed `seed` in all environments.
     fn reset(&self, py: Python<'_>, seed: u64) -> PyResult<()> {
         self.with(py, |all| all.seeded(seed))
     }

@@ -1,5 +1,4 @@
-//! Mass matrices, Jacobians and inverse dynamics, with velocities, accelerations and forces in the layout of a state's
-//! qd.
+//! Mass matrices, Jacobians and inverse dynamics. Velocities, accelerations and forces have the layout of a state's qd.
 
 use nerd_core::dynamics::{Axes, Data};
 use nerd_core::nalgebra::{DMatrix, DVector, Vector3};
@@ -11,8 +10,8 @@ use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 
-/// Calls `work` with each state and its row of `beside`; returns an array of `shape` for each state. A single state
-/// gives a single array.
+/// Calls `work` with each state and its row of `beside` (accelerations). Returns an array of `shape` for each state; a
+/// single state gives a single array.
 pub fn each<'py>(
     py: Python<'py>,
     system: &Robot,
@@ -31,7 +30,7 @@ pub fn each<'py>(
         let mut data = system.data();
         let all = states.chunks_exact(width).enumerate().map(|(k, state)| {
             let beside = beside.as_ref().map_or(&[][..], |beside| &beside[k * nv..][..nv]);
-            // Row-major.
+            // The transpose makes the column-major matrix row-major.
             work(&mut data, state, beside).transpose()
         });
         all.flat_map(|matrix| matrix.data.as_vec().clone()).collect()
@@ -39,7 +38,7 @@ pub fn each<'py>(
     made(py, found, &like(shape))
 }
 
-/// The matrix that maps qd of a state to the velocities of `nerd_core::dynamics`.
+/// The matrix (nv by nv) that maps qd of a state to the local velocities that `nerd_core::dynamics` takes.
 fn local(system: &Robot, q: &[f64]) -> DMatrix<f64> {
     let nv = system.robot.nv();
     let mut turn = DMatrix::identity(nv, nv);
@@ -59,8 +58,8 @@ pub fn jacobian(system: &Robot, frame: &FixedFrame, data: &mut Data, state: &[f6
     data.jacobian(&system.robot, q, frame, Axes::World) * turn
 }
 
-/// Generalised forces for `rates`, the time derivative of a state's qd. For a free root, adding `w x p_dot` to the
-/// linear part of the mapped rates gives the root's acceleration.
+/// Generalised forces for `rates`, the time derivative of a state's qd. For a free root, the mapped linear rates plus
+/// `w x p_dot` are the linear acceleration of the root.
 pub fn inverse_dynamics(system: &Robot, data: &mut Data, state: &[f64], rates: &[f64]) -> DMatrix<f64> {
     let (robot, turn) = (&system.robot, local(system, state));
     let (q, qd) = robot.split(state);

@@ -1,4 +1,4 @@
-//! Maps errors of the libraries to Python exceptions, each with one line.
+//! Maps errors of the libraries to Python exceptions, each with one line of text.
 
 use std::ffi::CString;
 use std::fmt::Display;
@@ -12,7 +12,7 @@ pub fn value(error: impl Display) -> PyErr {
     exceptions::PyValueError::new_err(error.to_string())
 }
 
-/// A failed step: `ValueError` for an unsupported feature, else `RuntimeError`.
+/// The exception for a failed step: `ValueError` for an unsupported feature, else `RuntimeError`.
 pub fn step(error: StepError) -> PyErr {
     match error {
         StepError::Refused(line) => value(line),
@@ -20,7 +20,8 @@ pub fn step(error: StepError) -> PyErr {
     }
 }
 
-/// Refuses a number of environments out of range or beyond the available memory, at `each` bytes an environment.
+/// Refuses a number of environments that is out of range, or too large for the available memory at `each` bytes per
+/// environment.
 pub fn room(n: i64, each: usize) -> PyResult<usize> {
     let (range, found) = (bounds::STARTS, u64::try_from(n).unwrap_or(0));
     if !range.contains(&found) {
@@ -35,7 +36,7 @@ pub fn seeded(seed: i64) -> PyResult<u64> {
     u64::try_from(seed).map_err(|_| value(format!("seed={seed}: a whole number from 0 on is needed")))
 }
 
-/// Warns that a robot's `[vary]` is ignored.
+/// Warns that a robot's `[vary]` is ignored, and names the `option` that would use it.
 pub fn alike(system: &System, option: &str) -> PyResult<()> {
     if system.spec.vary.is_none() {
         return Ok(());

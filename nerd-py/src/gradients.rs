@@ -9,10 +9,11 @@ use crate::arrays::{Floats, made, numbers};
 use crate::error::step;
 use crate::simulation::{Inner, Simulation};
 
-/// Next states, and gradients with respect to states and torques.
+/// Arrays of the next states, of the gradient with respect to states, and of the gradient with respect to torques.
 type Back<'py> = (Floats<'py>, Floats<'py>, Floats<'py>);
 
-/// A simulation at temporary states. Drop restores its own states, since numpy arrays point at them.
+/// A simulation at temporary states. Dropping it restores the simulation's own states, since numpy arrays point at
+/// their memory.
 struct Lent<'a> {
     own: Vec<f64>,
     simulation: &'a mut nerd_sim::prelude::Simulation,
@@ -25,7 +26,7 @@ impl Drop for Lent<'_> {
 }
 
 impl Inner {
-    /// Calls `find` with the batch at these states.
+    /// Calls `find` with the simulation at `states`, then restores the simulation's own states.
     fn at<T>(&mut self, states: Vec<f64>, find: impl FnOnce(&mut nerd_sim::prelude::Simulation) -> T) -> T {
         let own = std::mem::replace(&mut self.simulation.batch.states, states);
         let lent = Lent { own, simulation: &mut self.simulation };
@@ -33,13 +34,14 @@ impl Inner {
     }
 }
 
-/// vjp(simulation, states, tau, grad_next=None): steps one frame from states [n, nq + nv] under torques tau [n,
-/// joints], and computes its vector-Jacobian product. grad_next [n, nq + nv] is the upstream gradient with respect to
-/// the next states; None means zeros. Returns the next states, and the gradients with respect to states and tau. All
-/// arrays are float64. Gradients are with respect to the numbers of a state; a quaternion's length has no effect. The
-/// simulation is not changed.
+/// vjp(simulation, states, tau, grad_next=None): steps one frame and computes its vector-Jacobian product. The frame
+/// starts from states [n, nq + nv] and is under torques tau [n, joints]. The upstream gradient grad_next [n, nq + nv]
+/// is with respect to the next states; None means zeros. Returns the next states, the gradient with respect to states,
+/// and that with respect to tau. All arrays are float64. Gradients are with respect to the numbers of a state; a
+/// quaternion's length has no effect. The simulation is not changed.
 ///
-/// Raises ValueError for a solver without gradients: take "articulated" or a model whose network sees one frame.
+/// Raises ValueError for a solver without gradients. "articulated" has gradients, and so has a model whose network sees
+/// one frame.
 #[pyfunction]
 #[pyo3(signature = (simulation, states, tau, grad_next=None))]
 pub fn vjp<'py>(
@@ -78,9 +80,10 @@ pub fn vjp<'py>(
     Ok((made(py, gradients.next, &[n, width])?, made(py, by_states, &[n, width])?, made(py, by_torques, &[n, joints])?))
 }
 
-/// linearise(simulation, tau): linearises a frame from the present states under torques tau [n, joints]. Returns A
-/// [n, 2 nv, 2 nv] and B [n, 2 nv, joints], float64, in tangent spaces of 2 nv numbers: pose, then velocities. For a
-/// free root these are a rotation vector, a translation, and velocities in root axes.
+/// linearise(simulation, tau): linearises a frame from the present states under torques tau [n, joints]. Returns the
+/// Jacobians A [n, 2 nv, 2 nv] with respect to states, and B [n, 2 nv, joints] with respect to tau, in float64. States
+/// are in tangent spaces of 2 nv numbers: pose, then velocities. For a free root these are a rotation vector (rad), a
+/// translation (m), and velocities in root axes (rad/s, m/s).
 #[pyfunction]
 pub fn linearise<'py>(
     simulation: &Simulation,
@@ -94,12 +97,12 @@ pub fn linearise<'py>(
     Ok((made(py, gradients.states, &[n, size, size])?, made(py, gradients.torques, &[n, size, joints])?))
 }
 
-/// Normalises quaternions of free roots; returns their lengths.
+/// Normalises the quaternions of free roots in `states`; returns their former lengths.
 fn units(floating: bool, states: &mut [f64], width: usize) -> Vec<f64> {
     let rows = states.chunks_exact_mut(width).filter(|_| floating);
     let unit = |row: &mut [f64]| {
         let length = row[3..7].iter().map(|x| x * x).sum::<f64>().sqrt();
-        // The solver refuses a quaternion of zeros.
+        // A quaternion of zeros stays as it is, and the solver refuses it.
         let length = if length > 0.0 { length } else { 1.0 };
         row[3..7].iter_mut().for_each(|x| *x /= length);
         length

@@ -45,7 +45,7 @@ mod _nerd {
         Ok(())
     }
 
-    /// Runs a command line; returns the exit code.
+    /// Runs the `nerd` command line with these arguments; returns the exit code.
     #[pyfunction]
     fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
         py.detach(|| xtask::call(words))

@@ -13,7 +13,7 @@ use crate::system::Named;
 use crate::task::read;
 use crate::threads;
 
-/// A trained model: its folder is accepted wherever a solver is named.
+/// A trained model. The path of its folder is accepted wherever a solver is named.
 ///
 /// Model(folder). Raises ValueError if the folder holds no model.
 #[pyclass(frozen, module = "nerd")]
@@ -22,16 +22,16 @@ pub struct Model {
     /// Name of the model's robot.
     #[pyo3(get)]
     robot: String,
-    /// The solver whose motion the model learned.
+    /// Name of the solver whose motion the model learned.
     #[pyo3(get)]
     truth: String,
-    /// SHA-256 of everything that determines its predictions.
+    /// SHA-256 of everything that determines the model's predictions.
     #[pyo3(get)]
     sha256: String,
     /// Number of the network's weights.
     #[pyo3(get)]
     parameters: usize,
-    /// Number of frames that a prediction depends on; a model of one frame has gradients.
+    /// Number of frames that a prediction depends on. A model of one frame has gradients.
     #[pyo3(get)]
     reach: usize,
 }
@@ -86,8 +86,8 @@ impl Policy {
         format!("Policy({:?}, task={:?}, inputs={})", self.folder.display().to_string(), self.task, self.inputs())
     }
 
-    /// Length of an input row: an observation. For a policy with memory, the newest observation and differences of the
-    /// last ones.
+    /// Length of an input row, which is an observation. For a policy with memory, the row is the newest observation and
+    /// differences of the last observations.
     #[getter]
     fn inputs(&self) -> usize {
         self.policy.shape.inputs()

@@ -1,4 +1,4 @@
-//! Batches with their solver.
+//! A batch of environments with the solver that steps it.
 
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -45,7 +45,7 @@ pub struct Simulation {
     /// Number of environments.
     #[pyo3(get)]
     pub n: usize,
-    /// Address of the batch's states, which solvers write to and never move.
+    /// Address of the batch's states. Solvers write to this memory and never move it.
     states: usize,
     seed: u64,
     device: Device,
@@ -54,10 +54,10 @@ pub struct Simulation {
     inner: Mutex<Inner>,
 }
 
-/// State that one thread at a time works with.
+/// The part of a simulation that one thread at a time works with.
 pub struct Inner {
     pub simulation: nerd_sim::prelude::Simulation,
-    /// Number of starts drawn, by environment.
+    /// Number of random starts drawn so far, `[env]`.
     drawn: Vec<u64>,
     faults: Vec<Fault>,
 }
@@ -77,8 +77,8 @@ impl Simulation {
         done.map_err(step)
     }
 
-    /// Applies `turn`, which undoes itself when applied twice: if the GPU refuses the result, the former state is
-    /// restored.
+    /// Changes the simulation by `turn`, which undoes itself when applied twice. If the GPU refuses the changed
+    /// simulation, `turn` is applied again.
     fn change(&self, py: Python<'_>, mut turn: impl FnMut(&mut nerd_sim::prelude::Simulation) + Send) -> PyResult<()> {
         let done = self.with(py, |inner| -> Result<(), StepError> {
             turn(&mut inner.simulation);
@@ -91,7 +91,7 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// Reads `width` numbers of each environment.
+    /// Reads `width` numbers of each environment by `of` into an array [n, width].
     fn each<'py, E: Display + Send>(
         &self,
         py: Python<'py>,
@@ -103,7 +103,7 @@ impl Simulation {
         made(py, found.map_err(value)?.concat(), &[self.n, width])
     }
 
-    /// Lengths of a torque row and of a state.
+    /// Number of torques and of state numbers of one environment.
     pub fn widths(&self) -> [usize; 2] {
         [self.system.robot.joint_count(), self.system.robot.state_dim()]
     }
@@ -135,7 +135,7 @@ impl Simulation {
             }
             _ => {}
         }
-        // Bytes per environment: two copies of the states, contact forces, and the solver's memory.
+        // Bytes per environment: those of two copies of the states, of contact forces, and of the solver's memory.
         let n = room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let (scene, seed) = (scene.unwrap_or(named.data_scene()), seeded(seed)?);
         let batch = match (vary, system.spec.vary.is_some()) {
@@ -172,12 +172,12 @@ impl Simulation {
         Ok(made)
     }
 
-    /// step(tau): steps one frame under torques [n, joints] (N m or N), held over the frame: a numpy array of float64,
-    /// or a GPU array of `xp`.
+    /// step(tau): steps one frame under the torques tau [n, joints] (N m or N), held over the frame. tau is a numpy
+    /// array of float64, or a GPU array of `xp`.
     ///
-    /// Raises RuntimeError if some environments could not be stepped: `faults` lists them, they keep their states, and
-    /// all others were stepped. On a GPU the call neither waits nor raises; a failed environment of a model stays in
-    /// place until reset.
+    /// Raises RuntimeError if some environments could not be stepped. `faults` lists these environments; they keep
+    /// their states, and all others were stepped. On a GPU the call neither waits nor raises; a failed environment of a
+    /// model stays in place until reset.
     fn step(&self, py: Python<'_>, tau: &Bound<'_, PyAny>) -> PyResult<()> {
         #[cfg(feature = "cuda")]
         if let Some(card) = &self.card {
@@ -203,8 +203,8 @@ impl Simulation {
     }
 
     /// The states [q, qd], float64 [n, nq + nv]: a view of the memory that every step writes to, not a copy. Do not
-    /// read or write it while another thread steps. A model of several frames has memory: after writing to the states,
-    /// call reset(states=states). On a GPU this is an array of `xp`, also a view.
+    /// read or write it while another thread steps. A model of several frames remembers earlier frames: after writing
+    /// to the states, call reset(states=states). On a GPU this is an array of `xp`, also a view.
     #[getter]
     fn states<'py>(this: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let own = this.get();
@@ -220,9 +220,9 @@ impl Simulation {
         }
     }
 
-    /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. They start at states,
-    /// float64 [n, nq + nv], or [nq + nv] for all. Without states, environments start at random within the robot's
-    /// reset ranges. Raises ValueError for a quaternion of zeros.
+    /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. These environments start
+    /// at states: float64 [n, nq + nv], or [nq + nv] for all. Without states, environments start at random within the
+    /// robot's reset ranges. Raises ValueError for a quaternion of zeros.
     #[pyo3(signature = (mask=None, states=None))]
     fn reset(
         &self,
@@ -262,28 +262,29 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// poses(name): world poses of a link or a frame, float64 [n, 7]: position (m), quaternion x y z w.
+    /// poses(name): world poses of a link or a frame, float64 [n, 7]: position (m), then quaternion x y z w.
     fn poses<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         let numbers = |p: Isometry3<f64>| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat();
         self.each(py, 7, |batch, env| batch.pose(env, name).map(numbers))
     }
 
-    /// velocities(name): velocities of a link or a frame, float64 [n, 6]: angular (rad/s), linear of its origin (m/s),
-    /// world axes.
+    /// velocities(name): velocities of a link or a frame in world axes, float64 [n, 6]: angular velocity (rad/s), then
+    /// velocity of its origin (m/s).
     fn velocities<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         self.each(py, 6, |batch, env| batch.velocity(env, name).map(|v| v.vector().as_slice().to_vec()))
     }
 
-    /// contact_forces(link): mean contact force (N) of the scene on a moving link over the last frame, world axes,
-    /// float64 [n, 3]. Raises ValueError before the first frame and after a frame of a solver that reports no forces.
+    /// contact_forces(link): contact force (N) of the scene on a moving link, in world axes, float64 [n, 3]. The force
+    /// is the mean over the last frame. Raises ValueError before the first frame and after a frame of a solver that
+    /// reports no forces.
     fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
         self.each(py, 3, |batch, env| batch.contact_force(env, link).map(|f| f.as_slice().to_vec()))
     }
 
-    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint in addition to a
-    /// step's torques. It is evaluated in each substep of the solver, so stiff gains stay stable, and limited to the
-    /// joints' efforts. Each argument is float64 [n, joints], [joints], or a number. Default gains are from the robot's
-    /// TOML, or else chosen to hold its weight. drive(None) ends it.
+    /// drive(targets, kp=None, kd=None): from now on the force `kp (target - q) - kd qd` (N m or N) acts at every joint
+    /// in addition to a step's torques. The solver evaluates this force in each substep, so stiff gains stay stable,
+    /// and limits it to the joints' efforts. Each argument is float64 [n, joints], [joints], or a number. Default gains
+    /// are from the robot's TOML, or else chosen to hold the robot's weight. drive(None) ends the drive.
     #[pyo3(signature = (targets, kp=None, kd=None))]
     fn drive(
         &self,
@@ -332,7 +333,7 @@ impl Simulation {
         made(py, frames, &[self.n])
     }
 
-    /// Environments that the last step could not step: (environment, frame, reason).
+    /// Environments that the last step could not step, as tuples (environment, frame, reason).
     #[getter]
     fn faults(&self, py: Python<'_>) -> PyResult<Vec<(usize, u64, String)>> {
         self.with(py, |inner| inner.faults.iter().map(|f| (f.env, f.frame, f.reason.clone())).collect())

@@ -11,11 +11,11 @@ use pyo3::PyResult;
 
 use crate::error::value;
 
-/// A solver from its text, as "articulated(substeps=4)", or from a model's folder, on a device; without a text the
-/// robot's own truth.
+/// Reads a solver from its text, such as "articulated(substeps=4)", or from a model's folder, for the device `device`.
+/// Without a text it is the robot's own truth.
 ///
 /// # Errors
-/// If it is no solver, or not on that device.
+/// If `text` names no solver, or the solver does not run on the device.
 pub fn spec(text: Option<&Path>, device: &str, system: &System) -> PyResult<SolverSpec> {
     let device = match device {
         "cpu" => Device::Cpu,
@@ -28,7 +28,7 @@ pub fn spec(text: Option<&Path>, device: &str, system: &System) -> PyResult<Solv
     let spec: SolverSpec = match text {
         None => system.spec.truth.into(),
         Some(folder) if folder.join("config.json").exists() => SolverSpec::neural(folder),
-        // Its old word.
+        // The old word for `articulated(settled)`.
         Some(text) if text == Path::new("settled") => "articulated(settled)".parse().map_err(value)?,
         Some(text) => match text.to_string_lossy().parse() {
             Ok(spec) => spec,
@@ -48,15 +48,15 @@ pub fn spec(text: Option<&Path>, device: &str, system: &System) -> PyResult<Solv
 /// The solver of a system for `n` environments.
 ///
 /// # Errors
-/// If a model is not there or of another robot.
+/// If a model does not exist, or is of another robot.
 pub fn solver(spec: &SolverSpec, system: &Arc<System>, n: usize) -> PyResult<Box<dyn Solver>> {
     spec.solver(system, n).map_err(value)
 }
 
-/// The arena of a task's episodes, with a family if one is named.
+/// The arena in which a task's episodes run, with a family of robots if one is named.
 ///
 /// # Errors
-/// As [`solver`].
+/// Those of [`solver`].
 pub fn arena(spec: SolverSpec, name: &str, task: &dyn nerd_tasks::Task, family: Option<&str>) -> PyResult<Arena> {
     if let SolverSpec::Articulated(own) = spec
         && own.settled

@@ -19,12 +19,12 @@ use crate::error::value;
 #[derive(Clone)]
 pub struct System {
     pub system: Arc<nerd_sim::prelude::System>,
-    /// Built-in name, or absolute path.
+    /// Built-in name of the robot, or absolute path of its file.
     source: String,
 }
 
 impl System {
-    /// A loaded system with its name or path.
+    /// Makes a loaded system with its name or path.
     pub fn of(name: &Path, system: Arc<nerd_sim::prelude::System>) -> Self {
         // An absolute path stays valid in other working directories. Only file names have an extension.
         let file = name.extension().and_then(|_| std::path::absolute(name).ok());
@@ -39,7 +39,7 @@ impl System {
         Ok(Self::of(&name, nerd_sim::prelude::System::named(&name.to_string_lossy()).map_err(value)?))
     }
 
-    /// The built-in name, or the absolute path.
+    /// Built-in name of the system, or the absolute path of its file.
     #[getter]
     fn source(&self) -> &str {
         &self.source
@@ -71,14 +71,14 @@ impl System {
         self.system.robot.nv()
     }
 
-    /// Names of all joints, driven or not, in the order of torques.
+    /// Names of all joints, driven or not, in the order of a row of torques.
     #[getter]
     fn joints(&self) -> Vec<&str> {
         self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Torque limit of each joint (N m or N), float64 [joints], infinite if its file gives none. Drives are limited;
-    /// torques given to step() are not.
+    /// Torque limit of each joint (N m or N), float64 [joints]; infinite if the robot's file gives none. The limits
+    /// hold for drives, but not for torques given to step().
     #[getter]
     fn efforts<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let efforts: Vec<f64> = self.system.robot.joints().map(|joint| joint.effort).collect();
@@ -86,7 +86,8 @@ impl System {
         made(py, efforts, &[joints])
     }
 
-    /// Lower and upper limit of each joint (rad or m), float64 [joints, 2], infinite without a limit.
+    /// Lower and upper position limit of each joint (rad or m), float64 [joints, 2]; infinite for a joint without
+    /// limits.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let free = [-f64::INFINITY, f64::INFINITY];
@@ -151,9 +152,9 @@ impl System {
         self.system.notes.iter().map(String::as_str).collect()
     }
 
-    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; one
-    /// state [nq + nv] gives one matrix. The kinetic energy is `qd M qd / 2`. Rows and columns, here and below, follow
-    /// qd in `columns`: for a free root the twist about the world's origin.
+    /// mass_matrix(states): mass matrix M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq +
+    /// nv]. One state [nq + nv] gives one matrix. The kinetic energy (J) is `qd M qd / 2`. Rows and columns, here and
+    /// below, follow qd in `columns`: for a free root the twist about the world's origin.
     fn mass_matrix<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let nv = self.nv();
         dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| {
@@ -161,19 +162,19 @@ impl System {
         })
     }
 
-    /// jacobian(name, states): Jacobian J of a link or a frame, float64 [n, 6, nv], for states as in mass_matrix.
-    /// `J qd` is its angular velocity (rad/s) and its origin's velocity (m/s), world axes. `J^T` maps a moment (N m)
-    /// and a force (N) there to generalised forces.
+    /// jacobian(name, states): Jacobian J of a link or a frame, float64 [n, 6, nv], for states as in mass_matrix. `J
+    /// qd` is the angular velocity (rad/s), then the velocity of the origin (m/s), of the link or frame in world axes.
+    /// `J^T` maps a moment (N m) and a force (N) at this origin to generalised forces.
     fn jacobian<'py>(&self, py: Python<'py>, name: &str, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let frame = self.system.robot.frame(name).map_err(value)?;
         let of = |data: &mut Data, state: &[f64], _: &[f64]| dynamics::jacobian(&self.system, &frame, data, state);
         dynamics::each(py, &self.system, states, None, &[6, self.nv()], of)
     }
 
-    /// inverse_dynamics(states, accelerations=None): generalised forces `M qdd + h`, float64 [n, nv], for qdd, the time
-    /// derivative of qd, [n, nv]. Joint forces are in N m or N; for a free root they are the moment about the world's
-    /// origin and the force. Without accelerations the result is the bias forces h: gravity, Coriolis and centrifugal.
-    /// Damping, limits and contact are excluded.
+    /// inverse_dynamics(states, accelerations=None): generalised forces `M qdd + h`, float64 [n, nv], for accelerations
+    /// qdd [n, nv], the time derivative of qd. Joint forces are in N m or N; for a free root they are the moment about
+    /// the world's origin (N m) and the force (N). Without accelerations the result is the bias forces h: gravity,
+    /// Coriolis and centrifugal terms. Damping, limits and contact are excluded.
     #[pyo3(signature = (states, accelerations=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -193,7 +194,7 @@ impl System {
     }
 }
 
-/// A system, or its name or path.
+/// A system that was given as an object, by name or by path.
 #[derive(FromPyObject)]
 pub enum Named {
     /// A loaded system.
@@ -203,7 +204,7 @@ pub enum Named {
 }
 
 impl Named {
-    /// Its name or path.
+    /// Name or path of the system.
     pub fn source(&self) -> String {
         match self {
             Self::System(system) => system.source.clone(),

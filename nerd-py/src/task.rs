@@ -13,7 +13,7 @@ use crate::solver;
 use crate::system::{Named, System};
 use crate::threads;
 
-/// Rewards, terminated, truncated, observations reached, errors, faults, reward terms.
+/// Arrays of rewards, terminated, truncated, observations reached, errors, faults and reward terms.
 type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>, Floats<'py>);
 type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 
@@ -26,7 +26,7 @@ type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 /// family: a robot with [vary], drawn anew for each environment.
 #[pyclass(frozen, module = "nerd")]
 pub struct Task {
-    /// The name it was created with.
+    /// The name or path with which the task was created.
     #[pyo3(get)]
     name: String,
     /// Names of the reward's terms.
@@ -54,7 +54,7 @@ pub struct Task {
     inner: Mutex<Episodes>,
 }
 
-/// A task with its metadata.
+/// A task with its name and its sizes.
 pub struct Read {
     pub about: nerd_tasks::About,
     pub name: String,
@@ -66,7 +66,7 @@ pub struct Read {
 /// Reads a task by name or path, and begins its episodes in n environments.
 ///
 /// # Errors
-/// If there is no such task, robot or solver, or not enough memory.
+/// If the task, the robot or the solver does not exist, or memory does not suffice.
 pub fn read(
     name: PathBuf,
     robot: Option<Named>,
@@ -91,7 +91,7 @@ pub fn read(
     threads::here(n)?;
     let (about, terms) = (task.about(), task.terms().to_vec());
     let mut episodes = arena.begin(task, n, seeded(seed)?).map_err(value)?;
-    // These episodes are never resumed from a file.
+    // These episodes are never continued from a file, so the solver's last frames are not kept.
     episodes.remember(0);
     Ok((Read { about, name, terms, system, family }, episodes))
 }

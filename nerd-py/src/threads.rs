@@ -4,10 +4,10 @@ use std::sync::OnceLock;
 
 use pyo3::{PyResult, exceptions::PyRuntimeError};
 
-/// The process that first stepped several environments.
+/// Id of the process that first stepped several environments.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Refuses to step several environments in a forked process: its worker threads did not survive the fork, so a step
+/// Refuses to step several environments in a forked process. The worker threads did not survive the fork, so a step
 /// would wait for ever.
 pub fn here(n: usize) -> PyResult<()> {
     let me = std::process::id();

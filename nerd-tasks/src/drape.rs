@@ -1,16 +1,19 @@
-//! Start state of a cable at rest: it hangs from a gripper that points along x, and the rest lies straight on a floor.
+//! Start state of a cable at rest. One part hangs from a gripper that points along x; the rest lies straight on a
+//! floor.
 //!
-//! The hanging part is a catenary, `tan(slope) = (s - l) / a` at arc length s from the free end. l is the lying length,
-//! a the tension at the floor over the weight per metre. Within [`STEM`] of the gripper the cable bends away from the
-//! clamp's direction. l is chosen so that the free end lies on the floor.
+//! The hanging part is a catenary, `tan(slope) = (s - l) / a`, at arc length s (m) from the free end. The lying length
+//! is l (m). The tension at the floor over the weight per metre is a (m). Within [`STEM`] of the gripper the cable
+//! bends away from the clamp's direction. The length l is chosen so that the free end lies on the floor.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// a (m): half of the largest friction force on the lying fifth of the lead (friction 0.5), over the weight per metre.
+/// a (m): half of the largest friction force on the lying part, divided by the weight per metre. The lying part is a
+/// fifth of the lead, with friction coefficient 0.5.
 const PULL: f64 = 0.05;
-/// Decay length (m) of the clamp's direction along the cable: for the lead `sqrt(E I / T)` under its weight T.
+/// Length (m) over which the clamp's direction decays along the cable: `sqrt(E I / T)`, with T the weight of the lead
+/// (N).
 const STEM: f64 = 0.04;
-/// Bisections for l, to a billionth of the cable.
+/// Number of bisections for l, which find l to a billionth of the cable's length.
 const HALVINGS: usize = 30;
 
 /// Directions `[rod]` (unit length) of `rods` rods of length `rod` (m), from a gripper `height` (m) above the floor.
@@ -37,7 +40,7 @@ pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f6
     along(low)
 }
 
-/// Hinge angles (rad, about z then y), `[rod][2]`, that give rods these directions behind a gripper at home.
+/// Hinge angles (rad, about z then y), `[rod][2]`, that give the rods the directions `along`, for a gripper at home.
 pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
     let mut axes = Matrix3::identity();
     let mut angles = Vec::with_capacity(2 * along.len());

@@ -17,14 +17,14 @@ use crate::{Compiled, Snapshot, Task, Trace, View, Work};
 /// A coordinate (m, rad) or velocity (m/s, rad/s) beyond this is a failure and ends the episode.
 const FAR: f64 = 1e5;
 
-/// Episodes of one task in every environment of a simulation. Ended ones restart at once.
+/// Episodes of one task in every environment of a simulation. Ended episodes restart at once.
 pub struct Episodes {
     /// The task, recorded for the simulation's robot.
     pub task: Compiled,
     /// The simulation, with any solver.
     pub simulation: Simulation,
     seed: u64,
-    /// Index of the first environment within a larger set.
+    /// Index of this object's first environment within a larger set of environments.
     first: usize,
     begun: Vec<u64>,
     goals: Vec<f64>,
@@ -48,7 +48,8 @@ impl Episodes {
         Self::part(task, simulation, seed, 0)
     }
 
-    /// Environments from `first` on of a larger set, with the same episodes as within that set.
+    /// Starts episodes in the environments from `first` on of a larger set. An environment's episodes here are the same
+    /// as within that set.
     ///
     /// # Panics
     /// As [`Episodes::new`].
@@ -78,8 +79,8 @@ impl Episodes {
         episodes
     }
 
-    /// Keeps the last `frames` frames for [`Self::snapshot`]: as many as the solver's next step depends on (the
-    /// receptive field of a network; 0 for an analytic solver).
+    /// Keeps the last `frames` frames for [`Self::snapshot`]. This should be the number of frames on which the solver's
+    /// next step depends: the receptive field of a network; 0 for an analytic solver.
     pub fn remember(&mut self, frames: usize) {
         self.past.most = frames.max(Past::for_lag(&self.simulation.batch.system).most);
     }
@@ -89,7 +90,7 @@ impl Episodes {
         self.trace.replace(Trace::default()).unwrap_or_default()
     }
 
-    /// Seed, and index of the first environment. With [`Snapshot::begun`] they determine the next draws.
+    /// Seed, and index of the first environment. With [`Snapshot::begun`] these determine the next random draws.
     pub fn draws(&self) -> (u64, usize) {
         (self.seed, self.first)
     }
@@ -109,7 +110,8 @@ impl Episodes {
         self.begun.is_empty()
     }
 
-    /// Observations `[env][observation_dim]` of the present states. After a reset they show the start state.
+    /// Observations `[env][observation_dim]` of the present states. After a reset the observations show the start
+    /// state.
     pub fn observations(&self) -> &[f64] {
         &self.observations
     }
@@ -130,7 +132,7 @@ impl Episodes {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
         self.task.check().map_err(StepError::Solver)?;
-        // The actions come from these observations, so check them too.
+        // The actions were computed from the present observations, so check the observations too.
         self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
         for _ in 0..self.task.frames() {
@@ -176,7 +178,7 @@ impl Episodes {
         snapshot
     }
 
-    /// Continues from a snapshot of as many environments of the same task.
+    /// Continues from a snapshot with the same task and the same number of environments.
     ///
     /// # Errors
     /// If sizes differ, or the solver fails while it replays the snapshot's frames.
@@ -220,7 +222,7 @@ impl Episodes {
         }
     }
 
-    /// Applies random pushes to the robots of a family that has them.
+    /// Applies random pushes to the robots of a family with pushes.
     fn push(&mut self) {
         let Self { simulation: Simulation { batch, .. }, seed, first, begun, .. } = self;
         if batch.systems.is_empty() || !batch.system.pushed() {
@@ -258,7 +260,7 @@ impl Episodes {
         self.goals.chunks_exact_mut(width.max(1)).for_each(|goal| self.task.advance(goal));
         if let Err(error) = stepped {
             for fault in error.faults()? {
-                // Restarting such a start state would loop for ever.
+                // Restarting after start states that cannot be stepped would loop for ever.
                 if fault.frame == 0 && !failed[fault.env] {
                     return Err(StepError::Environments(vec![fault]));
                 }
@@ -270,7 +272,7 @@ impl Episodes {
         Ok(())
     }
 
-    /// Rewards, errors and ends at the states reached.
+    /// Appends the rewards, terms, errors and ends at the states reached to `result`.
     fn judge(&mut self, failed: &[bool], result: &mut StepResult) {
         let (task, batch, goals, torques) = (&self.task, &self.simulation.batch, &*self.goals, &*self.torques);
         let joints = batch.system.robot.joint_count();
@@ -297,7 +299,7 @@ impl Episodes {
         }
     }
 
-    /// Writes the observations of some environments, through their sensors.
+    /// Writes the observations of the environments in `some`, with the delay and noise of their sensors.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let Self {
             task,

@@ -1,26 +1,27 @@
-//! A gripper drags a lead's free end, the tip, across a floor after a target on a winding line. World up is +z; m, rad,
-//! s.
+//! A gripper drags a lead's free end, the tip, across a floor after a target on a winding line. World up is +z; units
+//! are m, rad and s.
 //!
-//! The target accelerates from rest to v along a line that winds about a heading psi towards the gripper. With s the
-//! distance covered:
+//! The target accelerates from rest to the speed v along a line that winds about a heading psi, towards the gripper.
+//! The distance covered along the heading is s, the offset to the left of the heading w, and the reward R:
 //!
 //! ```text
 //! s(t) = v (t - T (1 - exp(-t / T))),   w(s) = m L / (2 pi) (sin(2 pi s / L + p) - sin p),   T = 0.3
 //! R = 0.7 exp(-(d / 0.04)^2) + 0.3 exp(-d / 0.2) - 0.02 |v_gripper|^2
 //! ```
 //!
-//! w is the offset to the left, m the steepest slope of the windings, L their length. d is the distance from tip to
-//! target. A lead can be pulled but not pushed, so the target never turns back, and starts ahead of the tip. The policy
-//! chooses how much of the lead lies on the floor: the higher the gripper, the more closely the tip follows.
+//! The steepest slope of the windings is m, the length of one winding L and its phase p. The distance from tip to
+//! target is d. A lead can be pulled but not pushed. So the target never turns back, and starts ahead of the tip. The
+//! policy chooses how much of the lead lies on the floor: the higher the gripper, the more closely the tip follows.
 //!
-//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. In each frame the spring
-//! targets are set far enough ahead for this velocity, within [`BOX`]. Heights, speeds and the gripper's direction
-//! match the cable's training data; a learned cable does not see its position on the floor.
+//! Action: velocities of the gripper's three slides, in units of [`FASTEST`]; the gripper's hinges stay at home. In
+//! each frame the spring targets are set far enough ahead for these velocities, within [`BOX`]. Heights, speeds and the
+//! gripper's direction match the cable's training data. A learned cable model does not see the cable's position on the
+//! floor.
 //!
-//! Observation: 71 numbers in world axes. Tip relative to target, position and velocity (6); gripper relative to
-//! target, gripper relative to home, its velocity (9); eight points along the lead relative to the gripper, the tip
-//! last, position and velocity (48); the target's velocity, and its displacement in the next 1/4, 1/2 and 1 s (8).
-//! Never terminated; truncated after 100 steps of 3 frames of 1/60 s.
+//! Observation: 71 numbers in world axes. Tip relative to target: position and velocity (6). Gripper: position relative
+//! to target, position relative to home, velocity (9). Eight points along the lead, the tip last: position and velocity
+//! relative to the gripper (48). Target: velocity, and displacement in the next 1/4, 1/2 and 1 s (8). Episodes are
+//! never terminated; they are truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::Vector2;
 use nerd_core::{dynamics::velocities, velocity::root_position};
@@ -31,58 +32,58 @@ use crate::drape::{drape, hinges};
 use crate::formula::{Number, Sight, Traced};
 use crate::{About, Plain, Task, View, Work};
 
-/// The task. It has no settings.
+/// The task of dragging a lead's tip after a target. It has no settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LeadTip;
 
-/// Number of rods, and of the gripper's axes before them.
+/// Number of the lead's rods, and of the gripper's axes. In `q` the gripper's axes come before the rods.
 const RODS: usize = 40;
 const AXES: usize = 6;
 /// Number of observed points along the lead.
 const SEEN: usize = 8;
-/// Index of the gripper's position and velocity in the observation; they are coordinates of the state.
+/// Index of the gripper's position and velocity in the observation; both are coordinates of the state.
 const GRIPPER: usize = 9;
 /// Frame time (s).
 const FRAME: f64 = 1.0 / 60.0;
 /// Frames of target preview in the observation.
 const AHEAD: [u64; 3] = [15, 30, 60];
-/// Gripper velocity (m/s) at an action of 1. In the training data it covers 0.3 m and more in 0.3 to 1.5 s.
+/// Gripper velocity (m/s) at an action of 1. In the training data the gripper covers 0.3 m and more in 0.3 to 1.5 s.
 const FASTEST: f64 = 0.4;
-/// Bounds of the gripper's position relative to home (m). The training data exceeds the height in one frame of twenty;
-/// the sides fit the longest line.
+/// Bounds of the gripper's position relative to home (m). One frame in twenty of the training data is beyond the height
+/// bounds. The bounds along x and y fit the longest line.
 const BOX: [Range; 3] =
     [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
 /// Tolerance: distance (m) between tip and target.
 const NEAR: f64 = 0.02;
 
-/// Initial position of the tip (m, relative to the point below home), and the range around it, along x and y.
+/// Initial position of the tip (m, relative to the point below home), and the range about this position, along x and y.
 const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
 const BESIDE: Range = Range { low: -0.03, high: 0.03 };
-/// Initial height of the gripper (m), and heading of the lead (rad, from x) seen from it.
+/// Initial height of the gripper (m), and heading of the lead as seen from the gripper (rad, from x).
 const HEIGHT: Range = Range { low: 0.6, high: 0.7 };
 const HEADING: Range = Range { low: -0.3, high: 0.3 };
 /// Height (m) of the tip's centre when it lies on the floor.
 const LYING: f64 = 0.004;
 /// Distance (m) of the target's start ahead of [`TIP`].
 const LEAD: Range = Range { low: 0.0, high: 0.08 };
-/// v (m/s), m and L (m) of the line.
+/// Ranges of the line's speed v (m/s), steepest slope m, and winding length L (m).
 const SPEED: Range = Range { low: 0.06, high: 0.12 };
 const SLOPE: Range = Range { low: 0.3, high: 1.0 };
 const LENGTH: Range = Range { low: 0.25, high: 0.5 };
-/// T: time constant (s) of acceleration.
+/// T: time constant (s) of the target's acceleration.
 const RISE: f64 = 0.3;
 
 /// Numbers of a goal: present target (3), frames elapsed; start of the target (2), v, psi, m, L and p.
 const GOAL: usize = 11;
 
-/// Position of a goal's target after `frames` frames.
+/// Position (m, along x and y) of a goal's target after `frames` frames.
 fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
     let [x, y, speed, heading, slope, length, phase] = std::array::from_fn(|k| goal[4 + k]);
     let t = frames * FRAME;
     let way = speed * (t - RISE * (1.0 - (-t / RISE).exp()));
     let turn = std::f64::consts::TAU / length;
     let off = slope / turn * ((turn * way + phase).sin() - phase.sin());
-    // Towards the gripper, which is at the other end of the heading.
+    // The target moves towards the gripper, which is at the other end of the heading.
     let ahead = -Vector2::new(heading.cos(), heading.sin());
     Vector2::new(x, y) + ahead * way + Vector2::new(-ahead.y, ahead.x) * off
 }
@@ -93,7 +94,7 @@ struct Seen {
     gripper: [Vector3<f64>; 2],
     /// World position of home (m).
     home: Vector3<f64>,
-    /// World positions and velocities of points along the lead; the last is the tip.
+    /// World positions (m) and velocities (m/s) of points along the lead; the last point is the tip.
     points: [[Vector3<f64>; 2]; SEEN],
 }
 
@@ -115,7 +116,7 @@ impl Seen {
         }
     }
 
-    /// Position and velocity of the tip.
+    /// World position (m) and velocity (m/s) of the tip.
     fn tip(&self) -> [Vector3<f64>; 2] {
         self.points[SEEN - 1]
     }
@@ -150,8 +151,8 @@ impl Task for LeadTip {
 
     fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
         for (k, joint) in sight.system().robot.joints().enumerate().take(3) {
-            // A critically damped spring (frequency w) moves at this velocity if every frame sets its target this far
-            // ahead.
+            // A critically damped spring of frequency w (rad/s) moves at the commanded velocity if every frame sets its
+            // target this far ahead.
             let w = (joint.stiffness / joint.armature).sqrt();
             let ahead = FASTEST * action[k] * (FRAME + (w * FRAME).exp_m1() / w) / (w * FRAME);
             torques[k] = joint.stiffness * (sight.q(k) + ahead).max(BOX[k].low.into()).min(BOX[k].high.into());

@@ -6,7 +6,7 @@ use nerd_sim::files::read_text;
 
 use crate::{FileTask, LeadTip, Task, TaskError};
 
-/// Files of tasks with a robot: first the paper's in the order of its table.
+/// Files of the tasks that have a robot of their own: first the paper's tasks, in the order of the paper's table.
 const OWN: [(&str, &str); 9] = [
     ("cartpole-swingup", include_str!("../assets/cartpole-swingup.toml")),
     ("franka-reach", include_str!("../assets/franka-reach.toml")),
@@ -27,7 +27,7 @@ const GENERAL: [(&str, &str); 4] = [
     ("reach", include_str!("../assets/reach.toml")),
 ];
 
-/// Names of all built-in tasks with a robot.
+/// Names of all built-in tasks that have a robot of their own.
 pub fn names() -> Vec<&'static str> {
     let mut all: Vec<_> = OWN.iter().map(|(name, _)| *name).collect();
     all.insert(8, LeadTip.name());
@@ -47,8 +47,8 @@ pub fn word(name: &str) -> String {
     [task].into_iter().chain(robot).map(stem).collect::<Vec<_>>().join("-")
 }
 
-/// Splits a name such as `walk@go2.urdf` into the task's name or path and the robot's. Either path may contain another
-/// `@`.
+/// Splits a name such as `walk@go2.urdf` into the name or path of the task and that of the robot. Either path may
+/// contain another `@`.
 pub fn parts(name: &str) -> (&str, Option<&str>) {
     let known = |task: &str| task.ends_with(".toml") || general().contains(&task) || names().contains(&task);
     let mut all = name.match_indices('@').map(|(at, _)| (&name[..at], Some(&name[at + 1..])));
@@ -56,8 +56,8 @@ pub fn parts(name: &str) -> (&str, Option<&str>) {
     all.find(|(task, _)| known(task)).or(first).unwrap_or((name, None))
 }
 
-/// A task by name, or by the path of its file (.toml). `TASK@ROBOT` applies it to a robot, unless the task is built in
-/// for another. The given name becomes the task's name.
+/// A task by name, or by the path of its file (.toml). `TASK@ROBOT` applies the task to a robot; a built-in task for
+/// another robot is refused. The given name becomes the task's name.
 ///
 /// # Errors
 /// If there is no such task, or its file or its robot is invalid.
@@ -76,7 +76,7 @@ pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
             None => Ok(own),
         };
     }
-    // A cable's file also ends in .toml: `wlk@lead.toml` may be either.
+    // A cable's file also ends in .toml: `wlk@lead.toml` may be a misspelt task with a cable, or the file of a task.
     let unknown = match task.split_once('@') {
         Some((own, _)) if !Path::new(task).exists() => Some(format!("{own}` and no file `{task}")),
         _ => Path::new(task).extension().is_none_or(|ending| ending != "toml").then(|| task.into()),

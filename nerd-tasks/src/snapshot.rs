@@ -1,7 +1,7 @@
-//! Snapshots of running episodes, which continue exactly from them on any solver; and the record of frames.
+//! Snapshots of running episodes, and records of frames. Episodes continue exactly from a snapshot, on any solver.
 //!
-//! An analytic solver needs only the states. A learned solver's memory depends on the last frames. So these are saved
-//! too, and [`Past::replay`] steps the solver through them again.
+//! An analytic solver needs only the states. A learned solver's memory depends on the last frames. So the last frames
+//! are saved too, and [`Past::replay`] steps the solver through them again.
 
 use std::collections::VecDeque;
 
@@ -9,7 +9,8 @@ use nerd_sim::solver::{Simulation, StepError};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
-/// Fewest numbers per thread in a copy; a step of thousands of environments moves megabytes.
+/// Fewest numbers that one thread copies. Copies are parallel, since a step of thousands of environments moves
+/// megabytes.
 pub(crate) const MOVED: usize = 1 << 14;
 
 /// Everything in [`crate::Episodes`] that later steps depend on; row-major over n environments.
@@ -42,7 +43,7 @@ pub struct Trace {
     pub reached: Vec<f64>,
 }
 
-/// The last frames: states before them, torques in them.
+/// The last frames: the states before each frame, and the torques in it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Past {
     pub(crate) most: usize,
@@ -56,7 +57,8 @@ impl Past {
         Self { most: lag.map_or(0, |lag| lag.high.round() as usize), ..Self::default() }
     }
 
-    /// State of an environment (of `width` numbers) `frames` frames ago; `None` for 0.
+    /// State of an environment (`width` numbers) `frames` frames ago; `None` for 0 frames, or if that frame is not
+    /// stored.
     pub(crate) fn ago(&self, frames: usize, env: usize, width: usize) -> Option<&[f64]> {
         let (states, _) = self.frames.get(self.frames.len().checked_sub(frames)?)?;
         Some(&states[env * width..(env + 1) * width])
@@ -95,10 +97,11 @@ impl Past {
         for (k, (before, torques)) in self.frames.iter().enumerate() {
             let ago = (self.frames.len() - k) as u64;
             simulation.batch.states.copy_from_slice(before);
-            // Frames of an earlier episode are stepped too; frame 0 of the present one clears the solver's memory.
+            // Frames of an earlier episode are stepped too; frame 0 of the present episode clears the solver's memory.
             let count = |now: &u64| now.checked_sub(ago).unwrap_or(u64::MAX / 2 - ago);
             simulation.batch.frames = frames.iter().map(count).collect();
-            // Environments that failed then fail again, and were restarted afterwards.
+            // An environment that failed in this frame fails again. The episodes restarted it afterwards, so the
+            // failure is ignored.
             if let Err(error) = simulation.step(torques) {
                 error.faults()?;
             }

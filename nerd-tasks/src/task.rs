@@ -6,8 +6,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::formula::{Sight, Tape, Traced};
 
-/// Limits: widths of observation and action, steps per episode, and frames per step (at 0.1 s each, a minute and a
-/// half).
+/// Limits: widths of observation and action, steps per episode, and frames per step (1000 frames of 0.1 s last 100 s).
 const MOST_SEEN: f64 = 65_536.0;
 const MOST_ACTIONS: f64 = 4096.0;
 const MOST_STEPS: f64 = 1e6;
@@ -24,7 +23,7 @@ pub struct View<'a> {
     pub scene: &'a Scene,
 }
 
-/// Working memory of one thread. Its content does not outlive a call.
+/// Working memory of one thread. No call relies on the content that an earlier call left.
 pub struct Work {
     /// The robot.
     pub system: Arc<System>,
@@ -117,8 +116,8 @@ pub trait Task: Send + Sync {
         Vec::new()
     }
 
-    /// Width of the memory at the goal's end: the last action, the previous one and, if odd, the steps of the episode
-    /// so far; initially zeros.
+    /// Width of the memory at the goal's end: the last action, then the action before it. If the width is odd, the last
+    /// number counts the steps of the episode so far. The memory starts as zeros.
     fn memory(&self) -> usize {
         0
     }
@@ -133,8 +132,8 @@ pub trait Task: Send + Sync {
     /// Writes the observation: all [`About::observation`] numbers.
     fn observe<'a>(&self, sight: &Sight<'a>, out: &mut [Traced<'a>]);
 
-    /// Writes the joint torques (N m or N) for an action, clamped to [-1, 1]; initially zeros. No limit applies
-    /// afterwards.
+    /// Writes the joint torques (N m or N) for an action, clamped to [-1, 1]. `torques[joint]` initially holds zeros.
+    /// No limit applies to the torques afterwards.
     fn act<'a>(&self, sight: &Sight<'a>, action: &[Traced<'a>], torques: &mut [Traced<'a>]);
 
     /// Whether torques come from the robot's controller alone, which may then act as a servo inside the frame
@@ -143,8 +142,8 @@ pub trait Task: Send + Sync {
         false
     }
 
-    /// Reward at the state reached; `torques[joint]` acted in the last frame. If the controller acts inside the frame,
-    /// they are clamped to the torque limits, since its commands are unbounded.
+    /// Reward at the state reached; `torques[joint]` acted in the last frame. For a task with [`Self::controlled`], the
+    /// torques are clamped to the torque limits, since the controller's commands are unbounded.
     fn reward<'a>(&self, sight: &Sight<'a>, torques: &[Traced<'a>]) -> Traced<'a>;
 
     /// Names of the reward's terms, if any.
@@ -158,7 +157,7 @@ pub trait Task: Send + Sync {
     }
 
     /// Error relative to the tolerance; `None` for a task without a success criterion. An episode succeeds if the mean
-    /// over the last half of its steps is at most 1.
+    /// error over the last half of its steps is at most 1.
     fn error<'a>(&self, _sight: &Sight<'a>) -> Option<Traced<'a>> {
         None
     }
@@ -173,7 +172,7 @@ pub trait Task: Send + Sync {
         0.0.into()
     }
 
-    /// What the task computes in plain code. Such a task stays on the CPU.
+    /// What the task computes in plain code. A task with plain code runs on the CPU alone.
     fn plain(&self) -> Option<&dyn Plain> {
         None
     }
@@ -216,12 +215,13 @@ pub trait Task: Send + Sync {
 
 /// What formulas cannot express, in plain code: other starts, goals that move, numbers of any origin.
 pub trait Plain: Send + Sync {
-    /// Count of goal numbers, between those drawn from [`Task::goal`] and the memory.
+    /// Count of goal numbers from plain code. In the goal these stand between the numbers drawn from [`Task::goal`] and
+    /// the memory.
     fn goal_dim(&self) -> usize {
         0
     }
 
-    /// Draws these numbers into `_out[goal_dim]`.
+    /// Draws the goal numbers of plain code into `_out[goal_dim]`.
     fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
 
     /// Advances a moving goal by a frame; `_goal` is the whole goal.
@@ -237,22 +237,22 @@ pub trait Plain: Send + Sync {
         0
     }
 
-    /// Writes these numbers into `_out[numbers_dim]`.
+    /// Writes the numbers that formulas read by [`Sight::plain`] into `_out[numbers_dim]`.
     fn numbers(&self, _view: View, _work: &mut Work, _out: &mut [f64]) {}
 }
 
 impl dyn Task + '_ {
-    /// What its formulas see of a robot, recorded on `tape`.
+    /// The view of a robot that the task's formulas read, recorded on `tape`.
     pub fn sight<'a>(&self, tape: &'a Tape, system: &'a System) -> Sight<'a> {
         Sight::new(tape, system, self.goal_dim(), self.plain().map_or(0, Plain::numbers_dim))
     }
 
-    /// Width of an episode's goal.
+    /// Number of entries of an episode's goal.
     pub fn goal_dim(&self) -> usize {
         self.goal().len() + self.plain().map_or(0, Plain::goal_dim) + self.memory()
     }
 
-    /// Draws an episode's goal into `out[goal_dim]`, with an empty memory.
+    /// Draws an episode's goal into `out[goal_dim]`, with zeros as memory.
     pub fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
         let (drawn, rest) = out.split_at_mut(self.goal().len());
         drawn.iter_mut().zip(self.goal()).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
@@ -269,7 +269,7 @@ impl dyn Task + '_ {
         }
     }
 
-    /// After a step: its clamped action becomes the last action in the goal.
+    /// Updates the memory after a step: the step's action, clamped to [-1, 1], becomes the last action in the goal.
     pub fn remember(&self, goal: &mut [f64], action: &[f64]) {
         if self.memory() > 0 {
             let first = goal.len() - self.memory();

@@ -1,15 +1,15 @@
 //! Adjoints of RNEA and of kinetic energy: gradients by sweeps from the leaves to the root.
 //!
-//! Link motions obey `X_i = X_p + S_i x_i`, for twists, for accelerations without velocity terms and for virtual
-//! motions. The gradient with respect to `X_i` is a wrench and is added to the parent's. `D_i` are displacements of
-//! links about the common origin. Axis and inertia move with their link: `dS_i = D_i x S_i`, `dI = D x* I - I D x`. The
-//! gradient with respect to `D_i` is a load. The coordinates of a floating root are about its moving position and in
-//! axes that do not rotate with it. So only the moment of its load is a gradient: with respect to its rotation (world
-//! axes).
+//! Link motions obey `X_i = X_p + S_i x_i`: twists, accelerations without velocity terms, and virtual motions. The
+//! gradient with respect to `X_i` is a wrench; the parent's gradient includes it. `D_i` is the displacement of link i
+//! about the common origin. Axis and inertia move with their link: `dS_i = D_i x S_i`, `dI = D x* I - I D x`. The
+//! gradient with respect to `D_i` is called a load. The coordinates of a floating root are about the root's moving
+//! position, in axes that do not rotate with the root. So only the moment of the root's load is a gradient: with
+//! respect to the root's rotation (world axes).
 
 use crate::prelude::*;
 
-/// Damping wrench on a floating root at `x` with twist `v`.
+/// Damping wrench on a floating root at position `x` (m, from the common origin) with twist `v`.
 #[inline]
 pub(super) fn drag(robot: &Robot, v: &Motion, x: &Vector3<f64>) -> Wrench {
     let d = robot.free.damping;
@@ -28,8 +28,8 @@ pub fn motions(robot: &Robot, rates: &[f64], data: &Data, out: &mut [Motion]) {
     }
 }
 
-/// Adds `sum_i J_i^T w_i` to `out[nv]`, with `wrenches[link]` about the common origin. On return each wrench is the sum
-/// over its subtree.
+/// Adds `sum_i J_i^T w_i` to `out[nv]`, with the wrenches w = `wrenches[link]` about the common origin. On return each
+/// wrench is the sum over its link's subtree.
 pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]) {
     for (i, link) in robot.links.iter().enumerate().rev() {
         let wrench = wrenches[i];
@@ -43,8 +43,9 @@ pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]
     }
 }
 
-/// Adjoint of [`motions`]: adds the gradient with respect to the rates to `out[nv]`, and with respect to link
-/// displacements to `loads[link]`. `by[link]` are the gradients with respect to the motions; they end as subtree sums.
+/// Adjoint of [`motions`]. Adds the gradient with respect to the rates to `out[nv]`, and the gradient with respect to
+/// link displacements to `loads[link]`. `by[link]` holds the gradients with respect to the motions; on return it holds
+/// their subtree sums.
 pub fn motions_back(
     robot: &Robot,
     data: &Data,
@@ -59,26 +60,27 @@ pub fn motions_back(
     }
 }
 
-/// Position (from the common origin) and value of a link's gravity-compensated mass, if nonzero.
+/// Position (m, from the common origin) and mass (kg) of a link's gravity-compensated mass, if nonzero.
 fn lifted(robot: &Robot, data: &Data, link: usize) -> Option<(Vector3<f64>, f64)> {
     let own = &robot.links[link].lifted;
     (own.mass != 0.0).then(|| (data.position[link] + data.rotation[link] * own.at, own.mass))
 }
 
-/// Working memory for gradients of inverse dynamics, `tau . virtual rates`, and of other functions of the link motions.
+/// Working memory for gradients of `tau . virtual rates`, with tau from inverse dynamics, and of other functions of the
+/// link motions.
 #[derive(Clone, Debug)]
 pub struct Adjoint {
     /// Link motions at the virtual rates.
     pub virtuals: Vec<Motion>,
-    /// Link accelerations caused by `qdd`.
+    /// Link accelerations caused by `qdd` alone, without velocity terms and gravity.
     pub quickened: Vec<Motion>,
     /// Gradients with respect to `virtuals`.
     pub by_virtual: Vec<Wrench>,
     /// Gradients with respect to `quickened`.
     pub by_quickened: Vec<Wrench>,
-    /// Gradients with respect to twists, `data.velocity`.
+    /// Gradients with respect to the twists `data.velocity`.
     pub by_velocity: Vec<Wrench>,
-    /// Gradients with respect to accelerations at zero `qdd`, `data.acceleration` after `bias`.
+    /// Gradients with respect to the accelerations at zero `qdd`, which are `data.acceleration` after `bias`.
     pub by_acceleration: Vec<Wrench>,
     unused: Vec<f64>,
 }
@@ -99,11 +101,12 @@ impl Adjoint {
         }
     }
 
-    /// Starts the adjoint of `-virtual . RNEA(q, qd, qdd)` and adds its gradient with respect to displacements to
-    /// `loads[link]`. Needs `inertias` and [`super::bias`] under the same `gravity`. The caller adds external wrenches
-    /// and armature.
+    /// Starts the adjoint of `-virtual . RNEA(q, qd, qdd)`; adds its gradient with respect to link displacements to
+    /// `loads[link]`. Needs `inertias`, and [`super::bias`] under the same `gravity`. The caller adds the parts of
+    /// external wrenches and armature.
     ///
-    /// With `F = I a + v x* I v` of a link, L its virtual motion and `Y = v x L`, `-L . F = Y . I v - L . I a`.
+    /// With `F = I a + v x* I v` the wrench of a link, L its virtual motion and `Y = v x L`: `-L . F = Y . I v - L . I
+    /// a`.
     pub fn begin(
         &mut self,
         robot: &Robot,
@@ -124,7 +127,7 @@ impl Adjoint {
             self.by_velocity[i] = l.cross_wrench(&of_v) + of_y;
             *load += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
             if let Some((x, mass)) = lifted(robot, data, i) {
-                // The compensated point moves with the link; the direction of its weight stays.
+                // The compensated point mass moves with the link; the direction of its weight stays.
                 let weight = gravity * mass;
                 self.by_virtual[i] = self.by_virtual[i] - Wrench::force_at(weight, &x);
                 *load += Wrench::force_at(l.ang.cross(&weight), &x);
@@ -140,8 +143,9 @@ impl Adjoint {
         }
     }
 
-    /// Ends the adjoint: adds the gradient with respect to `qd` to `out[nv]`, and with respect to displacements to
-    /// `loads[link]`. Returns the gradient with respect to the acceleration of the base, which is `-gravity`.
+    /// Ends the adjoint that [`Self::begin`] started. Adds the gradient with respect to `qd` to `out[nv]`, and the one
+    /// with respect to link displacements to `loads[link]`. Returns the gradient with respect to the acceleration of
+    /// the base, which is `-gravity`.
     pub fn end(
         &mut self,
         robot: &Robot,
@@ -174,9 +178,9 @@ impl Adjoint {
         base
     }
 
-    /// Starts the adjoint of `scale` times twice the kinetic energy, `x^T M x` at rates x: adds its gradient with
-    /// respect to displacements to `loads[link]` and sets `by_virtual`. The caller adds the gradients of other
-    /// functions of the motions to `by_virtual`, then calls [`Self::end_energy`].
+    /// Starts the adjoint of `scale` times `x^T M x`, twice the kinetic energy at rates x. Adds its gradient with
+    /// respect to link displacements to `loads[link]` and sets `by_virtual`. The caller adds the gradients of other
+    /// functions of the link motions to `by_virtual`, then calls [`Self::end_energy`].
     pub fn begin_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], scale: f64, loads: &mut [Wrench]) {
         motions(robot, rates, data, &mut self.virtuals);
         for (i, load) in loads.iter_mut().enumerate() {
@@ -186,7 +190,8 @@ impl Adjoint {
         }
     }
 
-    /// Ends what [`Self::begin_energy`] started: adds the gradient with respect to displacements to `loads[link]`.
+    /// Ends the adjoint that [`Self::begin_energy`] started: adds the gradient with respect to link displacements to
+    /// `loads[link]`.
     pub fn end_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], loads: &mut [Wrench]) {
         motions_back(robot, data, rates, &mut self.by_virtual, loads, &mut self.unused);
     }

@@ -3,11 +3,11 @@
 use super::{Data, inertias};
 use crate::robot::Robot;
 
-/// Mass matrix (`nv` by `nv`) into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.
+/// Writes the mass matrix (`nv` by `nv`, both triangles) to `data.mass`. Needs `kinematics`; fills `data.inertia`.
 ///
-/// `M_ij = S_i . (I^c_j S_j)` for i an ancestor of j, with `I^c` the composite inertia of a subtree. Each joint's
-/// armature adds to the diagonal. Mimic joints add to the row and column of their coordinate: `G^T M G`, where G maps
-/// the rates of the coordinates to the rates of all joints.
+/// `M_ij = S_i . (I^c_j S_j)` for link i an ancestor of link j, with `I^c` the composite inertia of a subtree. Each
+/// joint's armature adds to the diagonal. A mimic joint adds to the row and column of the coordinate that it follows.
+/// That gives `G^T M G`, where G maps the rates of the coordinates to the rates of all joints.
 pub fn crba(robot: &Robot, data: &mut Data) {
     let first = usize::from(robot.floating());
     data.mass.as_mut_slice().fill(0.0);
@@ -46,6 +46,7 @@ pub fn crba(robot: &Robot, data: &mut Data) {
 #[inline]
 fn add(data: &mut Data, i: usize, j: usize, value: f64) {
     data.mass[(i, j)] += value;
-    // For a mimic joint and an ancestor of the same coordinate, both triangles add to the diagonal.
+    // If a mimic joint and an ancestor share one coordinate, both triangles are this diagonal entry, which gets `value`
+    // twice.
     data.mass[(j, i)] += value;
 }

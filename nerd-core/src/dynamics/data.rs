@@ -18,10 +18,11 @@ use crate::prelude::*;
 /// # Ok::<(), UrdfError>(())
 /// ```
 ///
-/// The public fields hold the stages' results, for solvers of this workspace that call the stages themselves.
+/// The public fields hold the results of the stages (`kinematics`, `crba`, `rnea` and others), for solvers of this
+/// workspace that call the stages themselves.
 #[derive(Clone, Debug)]
 pub struct Data {
-    /// World position of the common origin (m): the root's, unless [`super::kinematics_about`] chose another.
+    /// World position of the common origin (m): the root's position, unless [`super::kinematics_about`] chose another.
     #[doc(hidden)]
     pub origin: Vector3<f64>,
     /// Index in `qd` of each link's joint, see [`Robot::dofs`].
@@ -33,42 +34,42 @@ pub struct Data {
     /// Position of each link frame from the common origin (world axes, m).
     #[doc(hidden)]
     pub position: Vec<Vector3<f64>>,
-    /// Joint axis `S` of each link: its motion per unit rate of its coordinate, times the multiplier of a mimic joint.
-    /// Unused for a floating root.
+    /// Joint axis `S` of each link: the link's motion per unit rate of the coordinate that moves it. For a mimic joint
+    /// `S` includes the multiplier. Unused for a floating root.
     #[doc(hidden)]
     pub axis: Vec<Motion>,
     /// Inertia of each link about the common origin; filled by `crba`, `aba` or `inertias`.
     #[doc(hidden)]
     pub inertia: Vec<SpatialInertia>,
-    /// For each link, the link whose inertia CRBA uses in its place (the bias keeps the true one). Empty for correct
-    /// physics; set only for comparison with a simulator that pairs links and inertias wrongly.
+    /// For each link, the link whose inertia CRBA uses instead; the bias keeps the true inertia. Empty for correct
+    /// physics. Set only for comparison with a simulator that pairs links and inertias wrongly.
     #[doc(hidden)]
     pub stand_ins: Vec<usize>,
-    /// Twist of each link.
+    /// Twist of each link about the common origin (rad/s, m/s; world axes).
     #[doc(hidden)]
     pub velocity: Vec<Motion>,
-    /// External wrench on each link about the common origin. The caller sets and clears it.
+    /// External wrench on each link about the common origin (N m, N). The caller sets and clears these wrenches.
     #[doc(hidden)]
     pub external: Vec<Wrench>,
     /// Mass matrix, `nv` by `nv`, both triangles filled by `crba`.
     #[doc(hidden)]
     pub mass: DMatrix<f64>,
-    /// Bias or inverse-dynamics torques, `nv`.
+    /// Torques `[nv]` from the last call of `bias` or `rnea`.
     #[doc(hidden)]
     pub tau: DVector<f64>,
-    /// Accelerations `qdd`, `nv`.
+    /// Accelerations `qdd`, `[nv]`.
     #[doc(hidden)]
     pub qdd: DVector<f64>,
     /// Jacobian of a frame, 6 by `nv`, and its time derivative.
     pub(super) jacobian: DMatrix<f64>,
     pub(super) rate: DMatrix<f64>,
-    /// Spatial acceleration of each link, gravity included as an upward acceleration of the base. Filled by `bias` and
-    /// `rnea`.
+    /// Spatial acceleration of each link; gravity is included as an upward acceleration of the base. Filled by `bias`
+    /// and `rnea`.
     #[doc(hidden)]
     pub acceleration: Vec<Motion>,
     pub(super) force: Vec<Wrench>,
     pub(super) composite: Vec<SpatialInertia>,
-    /// Factorisation of [`super::aba`], made at its first call.
+    /// Factorisation used by [`super::aba`], made at its first call.
     pub(super) inverse: Option<Box<Inverse>>,
 }
 

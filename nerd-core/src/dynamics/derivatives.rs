@@ -1,16 +1,16 @@
-//! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical
-//! Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
+//! Analytic derivatives of inverse and forward dynamics, in one common frame. Source: Singh, Russell and Wensing,
+//! "Efficient Analytical Derivatives of Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022.
 
 use nalgebra::{DMatrix, Matrix6};
 
 use super::{Factor, crba, rnea};
 use crate::{prelude::*, spatial::blocks};
 
-/// Derivatives of a vector of length `nv` with respect to q and qd, each `nv` by `nv`.
+/// Derivatives of a vector of length `nv` (`tau` or `qdd`) with respect to q and qd, each `nv` by `nv`.
 ///
-/// Columns of `q` are tangent directions in the order of `qd`: rotation of a floating root about a world axis (rad),
-/// its translation along one (m), then the joints. The numbers of `qd`, and of `qdd` or `tau`, are held constant in the
-/// local form (see [`super::to_local`]).
+/// Columns of `q` are tangent directions in the order of `qd`. For a floating root these are rotations about the world
+/// axes (rad), then translations along the world axes (m); the joints follow. The numbers of `qd`, and of `qdd` or
+/// `tau`, are held constant in the local form (see [`super::to_local`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
     /// With respect to q.
@@ -28,7 +28,8 @@ struct Column {
     second: Motion,
 }
 
-/// Sums over each link's subtree: inertias, those of the gravity-compensated masses, B, forces and external wrenches.
+/// Sums over each link's subtree: inertias, inertias of the gravity-compensated masses, matrices B (`b_matrix`),
+/// forces and external wrenches.
 struct Subtrees {
     inertia: Vec<Matrix6<f64>>,
     lifted: Vec<Matrix6<f64>>,
@@ -73,7 +74,7 @@ impl Subtrees {
     }
 }
 
-/// Columns of a floating root, then of the joints in the order of their links.
+/// Columns of a floating root's six DoFs, then of the joints in the order of their links.
 fn columns(robot: &Robot, gravity: &Vector3<f64>, data: &Data) -> Vec<Column> {
     let base = Motion::new(Vector3::zeros(), -gravity);
     let column = |i: usize| {
@@ -85,7 +86,7 @@ fn columns(robot: &Robot, gravity: &Vector3<f64>, data: &Data) -> Vec<Column> {
     };
     let root = |k: usize| {
         let axis = Motion::unit(k);
-        // The root's rates are along fixed world axes, which do not rotate with it: half of v x S.
+        // The root's rates are along fixed world axes, which do not rotate with the root: so half of v x S.
         Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
     };
     let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
@@ -102,8 +103,8 @@ impl Derivatives {
     /// Derivatives of inverse dynamics: `tau` with respect to q and qd, at fixed `qdd`. Needs `kinematics`; fills
     /// `data.tau` and `data.mass`. External wrenches are held constant.
     ///
-    /// With twists `v`, accelerations `a` (gravity included), and f, `I`, `B` the subtree sums of forces, inertias and
-    /// `B = 1/2 (v x* I - I v x + (I v) x*)`, and `S' = v_p x S`, `S'' = a_p x S + v_p x S'`:
+    /// `v` are twists and `a` accelerations (gravity included). f, `I` and `B` are the subtree sums of forces, inertias
+    /// and `B = 1/2 (v x* I - I v x + (I v) x*)`. `S' = v_p x S` and `S'' = a_p x S + v_p x S'`, with p the parent:
     ///
     /// ```text
     /// d tau_i / d q_j  = S_i . (2 B S_j' + I S_j'')                 j at i or above, B and I of i
@@ -111,11 +112,11 @@ impl Derivatives {
     /// d tau_i / d qd_j = S_i . 2 (B S_j + I S_j')                   B and I of the lower one
     /// ```
     ///
-    /// The gravity-compensated mass of a link feels `a` without gravity: its share of I sees `S'' + g x S` in place of
-    /// `S''`. A floating root's damping adds its matrix to the root's block of `d tau / d qd`.
+    /// The gravity-compensated mass of a link feels `a` without gravity. So for its share of I, `S'' + g x S` takes the
+    /// place of `S''`. A floating root's damping adds its matrix to the root's block of `d tau / d qd`.
     ///
-    /// The dynamics do not depend on the root's position. Rotating a floating root equals the inverse rotation of its
-    /// velocities, accelerations and gravity.
+    /// The dynamics do not depend on the root's position. To rotate a floating root is to rotate its velocities, its
+    /// accelerations and gravity inversely.
     pub fn inverse(&mut self, robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
         crba(robot, data);
         rnea(robot, qd, qdd, gravity, data);
@@ -136,8 +137,8 @@ impl Derivatives {
         data.external = external;
     }
 
-    /// Adds the derivatives of every joint's torque with respect to the coordinates of itself and its ancestors, and of
-    /// theirs with respect to its own.
+    /// For each joint, adds the derivatives of its torque with respect to the coordinates of itself and its ancestors.
+    /// Also adds the derivatives of the ancestors' torques with respect to the joint's own coordinate.
     fn pairs(&mut self, robot: &Robot, gravity: &Vector3<f64>, sums: &Subtrees, columns: &[Column]) {
         let Subtrees { inertia, lifted, b, force, pushed } = sums;
         let rise = Motion::new(Vector3::zeros(), *gravity);
@@ -152,7 +153,7 @@ impl Derivatives {
                 + low.axis.cross_wrench(&force[i]).vector();
             let raised = lifted[i] * own;
             let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
-            // Every column of this joint and its ancestors.
+            // Columns of the joint of link i and of all joints above it.
             let of = |link: usize| {
                 if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] }
             };
@@ -171,8 +172,8 @@ impl Derivatives {
         }
     }
 
-    /// Columns of a floating root's rotation: the inverse rotation of rates, accelerations and gravity, and the
-    /// rotation of the root's wrench.
+    /// Computes the columns of a floating root's rotation: the inverse rotation of its rates, its accelerations and
+    /// gravity, and the rotation of the root's wrench.
     fn turn_root(
         &mut self,
         qd: &[f64],
@@ -209,10 +210,10 @@ impl Derivatives {
         }
     }
 
-    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`, as `-M^-1` times the
-    /// derivatives of inverse dynamics at `qdd`. Needs `kinematics` and the accelerations `qdd`, for example from
-    /// `aba`; `d qdd / d tau` is `M^-1`. Returns `false` if the mass matrix is not positive definite; the derivatives
-    /// are then invalid.
+    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`. These derivatives are `-M^-1`
+    /// times those of inverse dynamics at `qdd`; `d qdd / d tau` is `M^-1`. Needs `kinematics` and the accelerations
+    /// `qdd`, for example from `aba`. Returns `false` if the mass matrix is not positive definite; the derivatives are
+    /// then invalid.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(
         &mut self,

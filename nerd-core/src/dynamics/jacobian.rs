@@ -1,4 +1,5 @@
-//! Jacobians of frames and of the centre of mass; pose and velocity of one frame from its ancestor joints alone.
+//! Jacobians of frames and of the centre of mass. Also the pose and velocity of one frame, computed from its ancestor
+//! joints alone.
 
 use nalgebra::{DMatrix, Rotation3};
 
@@ -16,11 +17,11 @@ pub enum Axes {
 }
 
 impl Data {
-    /// Jacobian of a frame ([`Robot::frame`]), 6 by `nv`: `J qd` is its angular velocity (rad/s) and the velocity of
-    /// its origin (m/s), `qd` in the local form. Zero for a frame on a fixed base.
+    /// Jacobian J of a frame ([`Robot::frame`]), 6 by `nv`, with `qd` in the local form. `J qd` is the angular velocity
+    /// of the frame (rad/s), then the velocity of the frame's origin (m/s). J is zero for a frame on a fixed base.
     ///
-    /// Column of DoF k: the joint axis `(w, v)` as a motion at the frame's origin `x`, `(w, v + w x x)`. Zero for
-    /// joints that are not ancestors of the frame.
+    /// Column of DoF k: the joint axis `(w, v)` as a motion at the frame's origin `x`, `(w, v + w x x)`. Columns are
+    /// zero for joints that are not ancestors of the frame.
     pub fn jacobian(&mut self, robot: &Robot, q: &[f64], frame: &FixedFrame, axes: Axes) -> &DMatrix<f64> {
         self.place(robot, q);
         self.jacobian.fill(0.0);
@@ -48,8 +49,8 @@ impl Data {
     /// Time derivative of `Data::jacobian` at velocity `qd`: the frame's acceleration is `J qdd + J_dot qd`.
     ///
     /// A joint axis moves with the link that carries it, `S_dot = V x S`, and the frame's origin moves at `x_dot`. The
-    /// rate of a column `(w, v + w x x)` is `(w_dot, v_dot + w_dot x x + w x x_dot)`. The axes of a floating root are
-    /// fixed in direction and move with its origin.
+    /// time derivative of a column `(w, v + w x x)` is `(w_dot, v_dot + w_dot x x + w x x_dot)`. The axes of a floating
+    /// root are fixed in direction and move with the root's origin.
     pub fn jacobian_rate(
         &mut self,
         robot: &Robot,
@@ -92,11 +93,11 @@ impl Data {
         &self.rate
     }
 
-    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: `J qd` is its velocity (m/s, world axes). Both are
-    /// NaN for a robot without mass.
+    /// Centre of mass in the world (m), and its Jacobian J, 3 by `nv`. `J qd` is the velocity of the centre of mass
+    /// (m/s, world axes). For a robot without mass, centre and Jacobian are NaN.
     ///
-    /// Column of DoF k: `m_k / m` times the velocity of its subtree's centre of mass per unit rate, with `m_k` the
-    /// subtree's mass.
+    /// Column of DoF k: `m_k / m` times the velocity of the subtree's centre of mass per unit rate of the DoF. `m_k` is
+    /// the subtree's mass and m the robot's.
     pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
         self.place(robot, q);
         let n = robot.links.len();
@@ -132,7 +133,7 @@ impl Data {
     }
 }
 
-/// Adds `motion`, its linear part at `x`, to column k.
+/// Adds `motion`, with its linear part moved to the point `x` (m), to column k.
 fn add(out: &mut DMatrix<f64>, k: usize, motion: &Motion, x: &Vector3<f64>) {
     let v = motion.at(x);
     for r in 0..3 {
@@ -156,15 +157,15 @@ impl Robot {
         carrier * frame.pose
     }
 
-    /// Angular velocity (rad/s) of a frame and velocity (m/s) of its origin, world axes.
+    /// Angular velocity (rad/s) of a frame, and velocity (m/s) of the frame's origin, both in world axes.
     pub fn velocity(&self, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, frame: &FixedFrame) -> Motion {
         let Some(link) = frame.link else { return Motion::default() };
         let (rotation, position, twist) = self.carried(q, Some(qd.0.as_ref()), link);
         Motion::new(twist.ang, twist.at(&(position + rotation * frame.pose.translation.vector)))
     }
 
-    /// Rotation, position (m, from the root) and twist (about the root) of a link, in world axes. The twist is zero
-    /// without `qd`.
+    /// Rotation, position (m, from the root) and twist (about the root's position) of a link, in world axes. The twist
+    /// is zero without `qd`.
     fn carried(&self, q: &[f64], qd: Option<&[f64]>, link: usize) -> (Matrix3<f64>, Vector3<f64>, Motion) {
         let Some(joint) = &self.links[link].joint else {
             return (root_rotation(self, q), Vector3::zeros(), qd.map_or(Motion::default(), Motion::from_slice));

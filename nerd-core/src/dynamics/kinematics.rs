@@ -11,7 +11,7 @@ pub fn kinematics(robot: &Robot, q: &[f64], data: &mut Data) {
     kinematics_about(robot, q, &root_position(robot, q), data);
 }
 
-/// [`kinematics`] with the common origin at `origin` (world, m).
+/// Like [`kinematics`], with the common origin at the world position `origin` (m).
 #[inline]
 pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &mut Data) {
     data.origin = *origin;
@@ -39,8 +39,8 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
     }
 }
 
-/// Rotation and position of a link from its parent's. Writes the joint axis per unit rate of its coordinate to
-/// `motion`.
+/// Rotation and position (m) of a link, from those of its parent (`parent`, `start`) and the joint position `value`
+/// (rad or m). Writes the joint axis per unit rate of the joint's coordinate to `motion`.
 #[inline(always)]
 pub(super) fn hung(
     joint: &Joint,
@@ -73,7 +73,7 @@ pub(super) fn hung(
     (rotation, position)
 }
 
-/// Fills `inertia` of every link, about the common origin. Needs [`kinematics`].
+/// Fills `data.inertia[link]`, about the common origin. Needs [`kinematics`].
 pub fn inertias(robot: &Robot, data: &mut Data) {
     for (i, link) in robot.links.iter().enumerate() {
         data.inertia[i] = SpatialInertia::of(&link.inertia, &data.rotation[i], &data.position[i]);
@@ -86,7 +86,7 @@ pub fn link_pose(data: &Data, link: usize) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(data.origin + data.position[link]), rotation)
 }
 
-/// World position of a point fixed at `local` on a link. Needs [`kinematics`].
+/// World position (m) of a point fixed at `local` (m, link frame) on a link. Needs [`kinematics`].
 #[inline]
 pub fn point_position(data: &Data, link: usize, local: &Vector3<f64>) -> Vector3<f64> {
     data.origin + data.position[link] + data.rotation[link] * local

@@ -6,22 +6,23 @@ use crate::robot::Robot;
 
 /// Lower-triangular factor of a mass matrix, allocated once and refilled.
 ///
-/// `M = L^T L` keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only at i and its
-/// ancestors. A chain costs as much as dense Cholesky, a star of legs far less.
+/// `M = L^T L` keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only at DoF i and its
+/// ancestors. A chain of links costs as much as dense Cholesky; a star of legs costs far less.
 #[derive(Clone, Debug)]
 pub struct Factor {
-    /// Rows of L, `nv` by `nv`, the diagonal inverted: a multiplication takes a quarter of the time of a division.
+    /// Rows of L, `nv` by `nv`, row-major. The diagonal is stored inverted, since a multiplication takes a quarter of
+    /// the time of a division.
     rows: Vec<f64>,
-    /// Parent of each DoF, or `usize::MAX`.
+    /// Parent of each DoF, or `usize::MAX` if it has none.
     parent: Vec<usize>,
-    /// Number of leading DoFs that form a chain. Their rows have no zeros, so `refill` updates them densely without
-    /// `parent`.
+    /// Number of leading DoFs that form a chain. The rows of these DoFs have no zeros, so `refill` updates the rows
+    /// densely without `parent`.
     trunk: usize,
-    /// DoF at which the last matrix failed to be positive definite.
+    /// Index of the DoF at which the last matrix failed to be positive definite.
     lost: usize,
 }
 
-/// A pivot below this share of the original diagonal entry counts as rounding error.
+/// A pivot below this share of the mass matrix's diagonal entry counts as rounding error.
 const ROUNDING: f64 = 1e-12;
 
 impl Factor {
@@ -45,7 +46,8 @@ impl Factor {
         self.parent.iter().map(|p| (*p != usize::MAX).then_some(*p))
     }
 
-    /// Factorises `mass` (reads its lower triangle). Returns `false` if it is not positive definite; then do not solve.
+    /// Factorises `mass`; reads only its lower triangle. Returns `false` if `mass` is not positive definite; then do
+    /// not solve.
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
         let (n, parent, trunk) = (self.parent.len(), &self.parent, self.trunk);
@@ -87,12 +89,12 @@ impl Factor {
         true
     }
 
-    /// Describes where the last matrix was not positive definite.
+    /// Error text that names the joint at which the last matrix was not positive definite.
     pub fn fault(&self, robot: &Robot) -> String {
         self.fault_at(robot, None)
     }
 
-    /// As `Self::fault`, at the DoF where another factorisation failed.
+    /// Like `Self::fault`, for another factorisation that failed at DoF `lost`.
     pub fn fault_at(&self, robot: &Robot, lost: Option<usize>) -> String {
         let joint = lost.unwrap_or(self.lost).checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
         let place =
@@ -100,8 +102,8 @@ impl Factor {
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 
-    /// Inverse effective mass `X^T M^-1 X` (N by N), with the rows of X in `x[nv]`, zero except at the DoF `last` and
-    /// its ancestors. Overwrites `x`.
+    /// Inverse effective mass `X^T M^-1 X` (N by N), with the rows of X in `x[nv]`. X must be zero except at the DoF
+    /// `last` and its ancestors. Overwrites `x`.
     pub fn inv_mass<const N: usize>(&self, last: usize, x: &mut [SVector<f64, N>]) -> SMatrix<f64, N, N> {
         let (n, mut sum, mut i) = (self.parent.len(), SMatrix::zeros(), last);
         while i != usize::MAX {
@@ -118,7 +120,7 @@ impl Factor {
         sum
     }
 
-    /// Solves `M x = b` in place, `x[nv]`: `L^T y = b`, then `L x = y`.
+    /// Solves `M x = b` in place in `x[nv]`: first `L^T y = b`, then `L x = y`.
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {
         let (n, parent) = (self.parent.len(), &self.parent);

@@ -1,13 +1,13 @@
 //! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA (forward
 //! dynamics), after Featherstone 2008, chapters 5 to 7; Jacobians and analytic derivatives.
 //!
-//! **One frame for all links.** World axes with the origin at the root (the floating base's position, or the fixed
-//! base), taken as inertial. Every spatial vector of the robot is expressed in this frame. So no transform between
-//! links is needed, and numbers stay small however far the robot is from the world's origin.
+//! **One frame for all links.** Its axes are the world's, and its origin is at the root: the floating base's position,
+//! or the fixed base. The frame is taken as inertial. Every spatial vector of the robot is expressed in this frame. So
+//! no transform between links is needed, and numbers stay small however far the robot is from the world's origin.
 //!
-//! [`Data`]'s methods are the interface. The stages behind them take velocities as slices in the local form
-//! ([`crate::velocity`]) and allocate nothing. Their docs name the calls they need. The stages take and return spatial
-//! accelerations of a floating root, `(w_dot, p_ddot - w x p_dot)`.
+//! The methods of [`Data`] are the interface. The stages behind these methods take velocities as slices in the local
+//! form ([`crate::velocity`]) and allocate nothing. The docs of a stage name the stages that must run before it. For a
+//! floating root the stages take and return spatial accelerations, `(w_dot, p_ddot - w x p_dot)`.
 
 mod adjoint;
 mod crba;

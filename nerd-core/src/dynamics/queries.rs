@@ -1,32 +1,34 @@
-//! Dynamics of a robot as single calls on `Data`: CRBA, RNEA, ABA and their derivatives, each complete with kinematics.
+//! Dynamics of a robot as single calls on `Data`: CRBA, RNEA, ABA and their derivatives. Each call also computes the
+//! kinematics at `q`.
 //!
-//! Accelerations are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, in which the linear
-//! part of a floating root lacks `w x p_dot` ([`super`]). This file converts between the two.
+//! Accelerations here are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, in which the
+//! linear part of a floating root lacks the term `w x p_dot` ([`super`]). The methods here convert between these two
+//! forms of acceleration.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::{Data, Derivatives, Factor, aba, crba, kinematics, rnea};
 use crate::{robot::Robot, state::vector, velocity::LocalVelocity};
 
-/// The accelerations are not determined: some link has no inertia, or an input is not finite.
+/// The error of forward dynamics: some link has no inertia, or an input is not finite, so no acceleration is defined.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NoInertia(String);
 
 impl Data {
-    /// Mass matrix (CRBA), `nv` by `nv`: `M(q) qdd + c(q, qd) = tau`.
+    /// Mass matrix M (CRBA), `nv` by `nv`, in `M(q) qdd + c(q, qd) = tau`.
     pub fn mass_matrix(&mut self, robot: &Robot, q: &[f64]) -> &DMatrix<f64> {
         self.place(robot, q);
         crba(robot, self);
         &self.mass
     }
 
-    /// Torques `[nv]` that hold the robot still under `gravity` (m/s^2, world axes).
+    /// Torques `[nv]` (N m, N) that hold the robot still under `gravity` (m/s^2, world axes).
     pub fn gravity_torque(&mut self, robot: &Robot, q: &[f64], gravity: &Vector3<f64>) -> &DVector<f64> {
         self.torques(robot, q, None, None, gravity)
     }
 
-    /// Bias forces `c(q, qd)`, `[nv]`: gravity, Coriolis and centrifugal terms, less external wrenches.
+    /// Bias forces `c(q, qd)`, `[nv]`: gravity, Coriolis and centrifugal terms, minus the torques of external wrenches.
     pub fn bias(
         &mut self,
         robot: &Robot,
@@ -37,7 +39,7 @@ impl Data {
         self.torques(robot, q, Some(qd.0.as_ref()), None, gravity)
     }
 
-    /// Inverse dynamics (RNEA): the torques `[nv]` for the accelerations `qdd[nv]`.
+    /// Inverse dynamics (RNEA): the torques `[nv]` that cause the accelerations `qdd[nv]`.
     pub fn inverse_dynamics(
         &mut self,
         robot: &Robot,
@@ -49,10 +51,10 @@ impl Data {
         self.torques(robot, q, Some(qd.0.as_ref()), Some(qdd), gravity)
     }
 
-    /// Forward dynamics (ABA): the accelerations `[nv]` for the torques `tau[nv]`.
+    /// Forward dynamics (ABA): the accelerations `[nv]` that the torques `tau[nv]` cause.
     ///
     /// # Errors
-    /// If a link has no inertia to accelerate, or an input is not finite; names the joint.
+    /// If a link has no inertia to accelerate, or an input is not finite; the error names the joint.
     pub fn forward_dynamics(
         &mut self,
         robot: &Robot,
@@ -123,7 +125,8 @@ impl Data {
         Ok(out)
     }
 
-    /// Kinematics at `q`. Panics on a wrong length, a bug in the calling program.
+    /// Computes the kinematics at `q`. Panics if `q` or this `Data` has the wrong length, which is a bug in the calling
+    /// program.
     pub(super) fn place(&mut self, robot: &Robot, q: &[f64]) {
         assert!(
             q.len() >= robot.nq(),
@@ -136,7 +139,7 @@ impl Data {
         kinematics(robot, q, self);
     }
 
-    /// RNEA into `self.tau`; a missing velocity or acceleration counts as zero.
+    /// Writes the torques of RNEA to `self.tau`; a missing velocity or acceleration counts as zero.
     fn torques(
         &mut self,
         robot: &Robot,
@@ -171,8 +174,8 @@ impl Data {
     }
 }
 
-/// Adds `sign w x p_dot` of a floating root to `qdd`: +1 converts spatial accelerations to rates of `p_dot`, -1
-/// converts back.
+/// Adds `sign (w x p_dot)` of a floating root to its linear part of `qdd`. `sign` +1 converts spatial accelerations to
+/// time derivatives of `p_dot`; -1 converts back.
 fn shift(robot: &Robot, qd: &[f64], qdd: &mut [f64], sign: f64) {
     if robot.floating() {
         let turning = vector(qd).cross(&vector(&qd[3..6]));
@@ -180,7 +183,7 @@ fn shift(robot: &Robot, qd: &[f64], qdd: &mut [f64], sign: f64) {
     }
 }
 
-/// Derivatives of `w x p_dot` with respect to w and to `p_dot`.
+/// Derivatives (3 by 3) of `w x p_dot` with respect to w and to `p_dot`.
 fn shift_rates(qd: &[f64]) -> [Matrix3<f64>; 2] {
     [-vector(&qd[3..6]).cross_matrix(), vector(qd).cross_matrix()]
 }

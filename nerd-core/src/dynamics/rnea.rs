@@ -4,28 +4,29 @@ use super::adjoint::drag;
 use super::motions;
 use crate::prelude::*;
 
-/// Bias forces, the torques at zero acceleration, into `data.tau[nv]`. Needs `kinematics`; fills `data.velocity` and
-/// `data.acceleration`. `qd[nv]` is local (see [`super::to_local`]); `gravity` in m/s^2, world axes.
+/// Writes the bias forces, which are the torques at zero acceleration, to `data.tau[nv]`. Needs `kinematics`; fills
+/// `data.velocity` and `data.acceleration`. `qd[nv]` is in the local form (see [`super::to_local`]); `gravity` is in
+/// m/s^2, world axes.
 #[inline]
 pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<false>(robot, qd, &[], gravity, data);
 }
 
-/// Torques for the spatial accelerations `qdd[nv]` into `data.tau`; otherwise as [`bias`].
+/// Writes the torques for the spatial accelerations `qdd[nv]` to `data.tau[nv]`. Other arguments are those of [`bias`].
 ///
-/// `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of the base.
-/// `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the subtree`. The
-/// wrench of a link is `F_i = I_i A_i + V_i x* I_i V_i - f_i`. Force at the centre of mass c and moment in link axes
-/// save the rotation of the inertia: `f = m (a + w_dot x c + w x (v + w x c))`,
-/// `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`. Gravity does not act on the gravity-compensated mass of a link. A
-/// floating root's damping resists its motion. A joint's armature adds `armature qdd`. The caller adds damping and
-/// limits of joints.
+/// `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of the base. `V_i = V_p + S_i
+/// qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the subtree`. The wrench of a link is
+/// `F_i = I_i A_i + V_i x* I_i V_i - f_i`. This wrench is computed from a force at the centre of mass c and a moment in
+/// link axes, so the inertia is not rotated: `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x
+/// I R^T w) + c x f`. Gravity does not act on the gravity-compensated mass of a link. A floating root's damping resists
+/// the root's motion. A joint's armature adds `armature qdd` to the joint's torque. The caller adds damping and limits
+/// of joints.
 #[inline]
 pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<true>(robot, qd, qdd, gravity, data);
 }
 
-/// Twists of all links into `data.velocity`. Needs `kinematics`; `qd[nv]` is local.
+/// Writes the twists of all links to `data.velocity[link]`. Needs `kinematics`; `qd[nv]` is in the local form.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
     let mut velocity = std::mem::take(&mut data.velocity);
@@ -66,7 +67,7 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             force[i] += drag(robot, &v, &position[i]);
         }
     }
-    // Mimic joints add to the torque of their coordinate.
+    // Mimic joints add to the torque of the coordinate that they follow.
     let tau = data.tau.as_mut_slice();
     tau.fill(0.0);
     for i in (0..n).rev() {

@@ -1,18 +1,18 @@
-//! Articulated-body sweeps of [`TreeFactor`]: factorisation, solution, inverse operational-space inertias; forward
-//! dynamics (ABA).
+//! Articulated-body sweeps of [`TreeFactor`]: factorisation, solution and inverse operational-space inertias; also
+//! forward dynamics (ABA).
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
 use super::{Inverse, TreeFactor, bias, crba, inertias};
 use crate::prelude::*;
 
-/// Rounding error of a sum that should be zero, as a share of the magnitudes added.
+/// A sum smaller than this share of the magnitudes added counts as rounding error of zero.
 const ROUNDING: f64 = 1e-14;
 
 impl TreeFactor {
-    /// Factorises. Needs [`super::kinematics`] and [`super::inertias`]. `links[link]` are the `K_i`, `joints` the e of
-    /// the joints in the order of `qd`; an empty slice means zeros. Returns `false` if the sum is not positive
-    /// definite; then do not solve.
+    /// Factorises the matrix of [`TreeFactor`]. Needs [`super::kinematics`] and [`super::inertias`]. `links[link]` are
+    /// the `K_i`. `joints` are the numbers e of the joints, in the order of `qd`. An empty slice means zeros. Returns
+    /// `false` if the matrix is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &Data, links: &[Matrix6<f64>], joints: &[f64]) -> bool {
         let (first, dofs) = (usize::from(robot.floating()), robot.root_dofs());
@@ -52,8 +52,8 @@ impl TreeFactor {
         true
     }
 
-    /// Replaces the torques `x[nv]` by the solution under them and the wrenches `press[link]` (about `data.origin`;
-    /// empty: none).
+    /// Replaces the torques `x[nv]` by the solution under these torques and the wrenches `press[link]`. The wrenches
+    /// are about `data.origin`; an empty slice means none.
     pub fn solve(&mut self, robot: &Robot, data: &Data, press: &[Wrench], x: &mut [f64]) {
         let first = usize::from(robot.floating());
         for (i, force) in self.force.iter_mut().enumerate() {
@@ -100,8 +100,8 @@ impl TreeFactor {
 }
 
 impl Inverse {
-    /// Factorises. Needs [`super::kinematics`]; fills `data.inertia`. Returns `false` if some part has no inertia; then
-    /// do not solve.
+    /// Factorises the mass matrix. Needs [`super::kinematics`]; fills `data.inertia`. Returns `false` if some part of
+    /// the robot has no inertia; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &mut Data) -> bool {
         match self {
@@ -116,7 +116,7 @@ impl Inverse {
         }
     }
 
-    /// Replaces torques `x[nv]` by accelerations `M^-1 x`.
+    /// Replaces the torques `x[nv]` by the accelerations `M^-1 x`.
     pub fn solve(&mut self, robot: &Robot, data: &Data, x: &mut [f64]) {
         match self {
             Self::Tree(tree) => tree.solve(robot, data, &[], x),
@@ -125,11 +125,12 @@ impl Inverse {
     }
 }
 
-/// Forward dynamics (ABA): accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau[nv]` and local velocities
-/// `qd[nv]`. Needs `kinematics`; includes `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+/// Forward dynamics (ABA): writes the accelerations `M^-1 (tau - c)` to `data.qdd`, for torques `tau[nv]` and local
+/// velocities `qd[nv]`. Needs `kinematics`; includes the wrenches `data.external`. Returns `false` if a subtree has no
+/// inertia to accelerate.
 ///
-/// O(n) without mimic joints: bias forces by [`bias`], inverse by [`TreeFactor`]; with them the factor of the mass
-/// matrix.
+/// Without mimic joints the cost is O(n): [`bias`] gives the bias forces and [`TreeFactor`] the inverse. With mimic
+/// joints the mass matrix is factorised.
 #[must_use = "without inertia there is no acceleration"]
 pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
     bias(robot, qd, gravity, data);

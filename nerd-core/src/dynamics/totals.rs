@@ -1,9 +1,9 @@
-//! Mass, momentum and energy of a whole robot, the conserved quantities.
+//! Mass, momentum and energy of a whole robot: the quantities that conservation laws are about.
 
 use super::{inertias, velocities};
 use crate::{prelude::*, velocity::to_local};
 
-/// Sums over all links at one state.
+/// Sums over all links of a robot at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Totals {
     /// Mass (kg).
@@ -25,7 +25,7 @@ impl Totals {
     }
 }
 
-/// Totals at a state `[q, qd]` (a floating root's twist about the world's origin).
+/// Totals at a state `[q, qd]`, in which a floating root's twist is about the world's origin.
 pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     let (q, qd) = state.split_at(robot.nq());
     let mut local = qd.to_vec();

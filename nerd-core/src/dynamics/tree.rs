@@ -1,4 +1,5 @@
-//! The inverse of the mass matrix by articulated-body inertias, without the matrix. Its sweeps are in `sweeps.rs`.
+//! The inverse of the mass matrix by articulated-body inertias, without the matrix. The sweeps of this method are in
+//! `sweeps.rs`.
 
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
@@ -6,23 +7,23 @@ use super::Factor;
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
-/// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n). `J_i` is the Jacobian of link i's twist, `K_i` a
-/// symmetric 6x6 matrix (angular part first, about `data.origin`), e one number a DoF.
+/// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n). `J_i` is the Jacobian of link i's twist. `K_i` is a
+/// symmetric 6x6 matrix (angular part first, about `data.origin`). The vector e has one number for each DoF.
 ///
-/// The two inertia sweeps of the articulated-body algorithm (Featherstone 2008, section 7.3) without velocities: a
-/// resistance `K_i` to the motion of a link adds to the inertia that its ancestors feel. Mimic joints couple branches,
-/// which this recursion cannot express. `data.stand_ins` is ignored.
+/// The method is that of the two inertia sweeps of the articulated-body algorithm (Featherstone 2008, section 7.3),
+/// without velocities. A resistance `K_i` to the motion of a link adds to the inertia that its ancestors feel. Mimic
+/// joints couple branches, which this recursion cannot express. `data.stand_ins` is ignored.
 #[derive(Clone, Debug)]
 pub struct TreeFactor {
     pub(super) articulated: Vec<Matrix6<f64>>,
-    /// `U = I^A S`, and `1 / D` with `D = S . U + armature + e`.
+    /// `U = I^A S` of each link, and in `inverse` the number `1 / D` with `D = S . U + armature + e`.
     pub(super) gain: Vec<Vector6<f64>>,
     pub(super) inverse: Vec<f64>,
     pub(super) root: Option<Cholesky<f64, Const<6>>>,
-    /// Inverse operational-space inertia of each link: its acceleration per unit wrench on it, see
+    /// Inverse operational-space inertia of each link: the link's acceleration per unit wrench on it, see
     /// [`TreeFactor::spread`].
     pub(super) inv_inertia: Vec<Matrix6<f64>>,
-    /// Bound on the magnitudes summed into each articulated inertia, the scale for rounding error.
+    /// Bound on the magnitudes summed into each articulated inertia. Rounding errors are judged relative to this bound.
     pub(super) size: Vec<f64>,
     pub(super) force: Vec<Vector6<f64>>,
     pub(super) residual: Vec<f64>,
@@ -49,17 +50,17 @@ impl TreeFactor {
         })
     }
 
-    /// Acceleration `J_i x` of a link in the last solution.
+    /// Acceleration `J_i x` of link i = `link` in the last solution x.
     pub fn acceleration(&self, link: usize) -> Motion {
         Motion::from_slice(self.acceleration[link].as_slice())
     }
 
-    /// Motion of a link in response to a wrench on it. Needs [`TreeFactor::spread`].
+    /// Acceleration of a link in response to a wrench on it. Needs [`TreeFactor::spread`].
     pub fn response(&self, link: usize, wrench: &Wrench) -> Motion {
         Motion::from_slice((self.inv_inertia[link] * wrench.vector()).as_slice())
     }
 
-    /// Inverse effective mass of a link's joint: the diagonal entry of the inverse at its DoF. Needs
+    /// Inverse effective mass of a link's joint: the diagonal entry, at the joint's DoF, of the inverse matrix. Needs
     /// [`TreeFactor::spread`].
     pub fn inv_mass(&self, robot: &Robot, link: usize) -> f64 {
         let (gain, inverse) = (&self.gain[link], self.inverse[link]);
@@ -78,13 +79,13 @@ impl TreeFactor {
 pub enum Inverse {
     /// Articulated-body inertias, O(n).
     Tree(Box<TreeFactor>),
-    /// Factor of the mass matrix, for robots with mimic joints: these couple branches of the tree, so no recursion
-    /// applies.
+    /// Factor of the mass matrix, for robots with mimic joints. Mimic joints couple branches of the tree, so no
+    /// recursion applies.
     Matrix(Factor),
 }
 
 impl Inverse {
-    /// The inverse that suits `robot`.
+    /// Articulated-body inertias for a robot without mimic joints, else the factor of the mass matrix.
     pub fn new(robot: &Robot) -> Self {
         TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), |tree| Self::Tree(Box::new(tree)))
     }

@@ -1,5 +1,5 @@
 //! The bodies and joints in a robot's file, before fixed joints are lumped. The readers of URDF and of MJCF both
-//! produce these.
+//! produce [`Bodies`].
 
 use nalgebra::{Isometry3, Unit, Vector3};
 
@@ -20,16 +20,16 @@ pub struct Bodies {
     pub joints: Vec<BodyJoint>,
 }
 
-/// One body. Poses are in the frame of the joint that carries it.
+/// One body. The poses and the inertia of a body are in the frame of the joint that carries the body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     /// Name.
     pub name: String,
-    /// Frame of the body in the file, relative to the joint's frame: an MJCF joint may be anywhere on its body.
+    /// The file's body frame, in the frame of the joint: an MJCF joint may be anywhere on its body.
     pub frame: Isometry3<f64>,
-    /// Inertia.
+    /// Inertia, in the frame of the joint that carries the body.
     pub inertia: BodyInertia,
-    /// Share of the weight that is compensated, 0 to 1.
+    /// Share of the body's weight that gravity compensation cancels, 0 to 1.
     pub lifted: f64,
     /// Collision solids.
     pub collisions: Vec<Solid>,
@@ -40,27 +40,27 @@ pub struct Body {
 /// A solid fixed on a body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
-    /// Pose on the body.
+    /// Pose in the frame of the joint that carries the body.
     pub pose: Isometry3<f64>,
-    /// Form.
+    /// Primitive, mesh file or convex hull.
     pub form: Form,
     /// Index of the contact properties in the file's table, if the file has one.
     pub surface: Option<usize>,
 }
 
-/// The form of a solid.
+/// The form of a solid: a primitive, a mesh file or a convex hull.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Form {
-    /// A primitive.
+    /// A primitive shape, such as a box.
     Shape(ShapeKind),
-    /// A mesh file, named as in the robot's file. `scale` multiplies its lengths along its axes.
+    /// A mesh file, named as in the robot's file. `scale` multiplies the mesh's lengths along the mesh's axes.
     Mesh {
-        /// The file.
+        /// Path of the mesh, as written in the robot's file.
         file: String,
-        /// Factors.
+        /// Factors of the mesh's lengths along its x, y and z axes.
         scale: Vector3<f64>,
     },
-    /// The convex hull of these vertices (m).
+    /// The convex hull of a list of vertices (m).
     Hull(Vec<Vector3<f64>>),
 }
 
@@ -77,26 +77,27 @@ pub enum BodyJointKind {
     Prismatic,
     /// Motion in the plane perpendicular to the axis: two slides and a hinge.
     Planar,
-    /// Six DoF; only between an empty root body and the single body on it.
+    /// Six DoFs; allowed only between an empty root body and the single body on it.
     Floating,
 }
 
-/// A joint between two bodies. Springs and armature are not here: a system's `[[joint]]` has them, also from an MJCF.
+/// A joint between two bodies. Springs and armature are not here: the system's `[[joint]]` gives them, also for a robot
+/// from an MJCF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyJoint {
     /// Name.
     pub name: String,
     /// Type of motion.
     pub kind: BodyJointKind,
-    /// Index of the body that carries it.
+    /// Index of the body that carries the joint.
     pub parent: usize,
-    /// Index of the body that it carries.
+    /// Index of the body that the joint carries.
     pub child: usize,
-    /// Joint frame in the frame of the parent's joint.
+    /// Pose of the joint frame in the frame of the joint that carries the parent body.
     pub origin: Isometry3<f64>,
     /// Axis, in the joint frame.
     pub axis: Unit<Vector3<f64>>,
-    /// Lower and upper limit (rad or m).
+    /// Lower and upper limit (rad or m); `None` without limits.
     pub range: Option<[f64; 2]>,
     /// Largest effort (N m or N); infinite if the file gives none.
     pub effort: f64,
@@ -135,8 +136,8 @@ impl BodyJoint {
 pub struct BodyMimic {
     /// Name of the leading joint.
     pub joint: String,
-    /// rad or m per unit of the leading joint's position.
+    /// Change of the mimic joint's position (rad or m) per unit of the leading joint's position.
     pub multiplier: f64,
-    /// Position (rad or m) at zero position of the leading joint.
+    /// Position of the mimic joint (rad or m) at zero position of the leading joint.
     pub offset: f64,
 }

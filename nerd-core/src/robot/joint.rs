@@ -1,5 +1,5 @@
-//! One-DoF joints and the numbers of their forces. Solvers compute the forces (`nerd_sim::articulated`); a limit's is
-//! here.
+//! One-DoF joints: geometry, limits, and coefficients of springs, damping and friction. Solvers compute these forces
+//! (`nerd_sim::articulated`); [`Limit::force`] gives the force of a limit.
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 
@@ -14,7 +14,7 @@ pub enum JointKind {
     Prismatic,
 }
 
-/// Position limit, enforced by a spring and a damper where it is exceeded.
+/// Position limit of a joint. Beyond the limit a spring and a damper push the joint back.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limit {
     /// Lower end (rad or m).
@@ -28,7 +28,8 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// Force (N m or N) at position `q` and velocity `qd`; zero within the limits.
+    /// Force of the limit (N m or N) at position `q` (rad or m) and velocity `qd` (rad/s or m/s); zero within the
+    /// limits.
     #[inline]
     pub fn force(&self, q: f64, qd: f64) -> f64 {
         let end = q.clamp(self.lower, self.upper);
@@ -36,14 +37,15 @@ impl Limit {
     }
 }
 
-/// Law of a mimic joint: `position = multiplier q + offset`, exact at all times. A mimic joint adds no coordinate.
+/// Law of a mimic joint: `position = multiplier q + offset`, with q the coordinate of the leading joint. The law holds
+/// exactly at all times, so a mimic joint adds no coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
     /// Index of q among the coordinates of the joints, `0..joint_count`.
     pub coordinate: usize,
-    /// rad or m per unit of the coordinate.
+    /// Change of the mimic joint's position (rad or m) per unit of q (rad or m).
     pub multiplier: f64,
-    /// Position at q = 0 (rad or m).
+    /// Position of the mimic joint at q = 0 (rad or m).
     pub offset: f64,
 }
 
@@ -54,25 +56,27 @@ pub struct Joint {
     pub name: String,
     /// Type of motion.
     pub kind: JointKind,
-    /// The coordinate that a mimic joint follows. Its limit, spring, damping and friction then have no effect: reading
-    /// a URDF narrows the limit of the leading joint, and adds damping and friction to it.
+    /// For a mimic joint, the law by which it follows a coordinate. The limit, spring, damping and friction of a mimic
+    /// joint have no effect. Reading a URDF narrows the limit of the leading joint instead, and adds damping and
+    /// friction to the leading joint.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
-    /// Dry friction (N m or N): its magnitude in slip, and the largest load it holds in stick.
+    /// Dry friction (N m or N): magnitude of its force in slip, and the largest load that it holds in stick.
     pub friction: f64,
     /// Stiffness of a spring at the joint (N m/rad or N/m), such as the bending stiffness of a cable; 0: no spring.
     pub stiffness: f64,
-    /// Position of that spring at zero force (rad or m).
+    /// Position (rad or m) at which the joint's spring has zero force.
     pub rest: f64,
     /// Armature: inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
-    /// Largest effort (N m or N); infinite if the file gives none. Drives (`nerd_sim::drive`) obey it; torques given
-    /// directly do not.
+    /// Largest effort (N m or N); infinite if the file gives none. It limits drives (`nerd_sim::drive`), but not
+    /// torques given directly.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite if the file gives none. Drives obey it; torques given directly do not.
+    /// Largest velocity (rad/s or m/s); infinite if the file gives none. It limits drives, but not torques given
+    /// directly.
     pub velocity: f64,
     origin: Isometry3<f64>,
     axis: Unit<Vector3<f64>>,
@@ -119,7 +123,8 @@ impl Joint {
         self.origin = origin;
     }
 
-    /// `R_origin (a a^T)`, `R_origin [a]x`, `R_origin (1 - a a^T)`: rotation = 1st + 2nd sin q + 3rd cos q.
+    /// Three matrices `R_origin (a a^T)`, `R_origin [a]x` and `R_origin (1 - a a^T)`, with a the axis. The joint's
+    /// rotation at angle q is the first, plus sin q times the second, plus cos q times the third.
     #[inline]
     pub fn turn(&self) -> &[Matrix3<f64>; 3] {
         &self.turn
@@ -131,14 +136,15 @@ impl Joint {
         self.mimic.as_ref()
     }
 
-    /// Derivative of the position with respect to its coordinate: the multiplier of a mimic joint, else 1.
+    /// Derivative of the joint's position with respect to the coordinate that moves it: the multiplier of a mimic
+    /// joint, else 1.
     #[inline]
     pub fn ratio(&self) -> f64 {
         self.mimic.map_or(1.0, |m| m.multiplier)
     }
 
-    /// Whether the coordinate is an angle kept in [-pi, pi): a hinge without limits and spring. With limits, however
-    /// wide, or a spring, full turns count.
+    /// Whether the coordinate is an angle kept in [-pi, pi): so for a hinge with neither limits nor a spring. With
+    /// limits, however wide, or with a spring, the angle counts full turns.
     #[inline]
     pub fn wraps(&self) -> bool {
         self.kind != JointKind::Prismatic && self.limit.is_none() && self.stiffness == 0.0

@@ -5,19 +5,19 @@ use std::sync::Arc;
 use super::Bodies;
 use crate::prelude::*;
 
-/// Content of a robot's file, URDF or another format read into [`super::Bodies`].
+/// Content of a robot's file: a URDF, or another format that was read into [`super::Bodies`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct UrdfRobot {
     /// The robot.
     pub robot: Robot,
     /// Assumptions made where the file is silent, one line each.
     pub notes: Vec<String>,
-    /// Collision meshes on moving links. The robot does not use them; a caller that reads the files may turn them into
-    /// contact points.
+    /// Collision meshes on moving links. The robot does not use these meshes; a caller may read their files and turn
+    /// the meshes into contact points.
     pub meshes: Vec<MeshFile>,
-    /// Convex hulls of meshes that were read and of vertices given in the file.
+    /// Convex hulls: of meshes that were read, and of vertices given in the file.
     pub hulls: Vec<Hull>,
-    /// Collision shapes of a fixed base, in its frame. They are not part of the robot.
+    /// Collision shapes of a fixed base, in the base's frame. These shapes are not part of the robot.
     pub base: Vec<Shape>,
 }
 
@@ -28,21 +28,21 @@ impl From<Robot> for UrdfRobot {
 }
 
 impl Robot {
-    /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link
-    /// 0). [`UrdfRobot::read`] also gives the assumptions made.
+    /// Reads a robot from the text of a URDF. On a fixed base the root link is dropped; on a floating base the root
+    /// link is link 0. [`UrdfRobot::read`] also gives the assumptions made where the file is silent.
     ///
-    /// Limits have no stiffness (URDF does not define one; nerd-sim's systems add it), armature is zero, contact points
-    /// come from [`Robot::default_contact_points`].
+    /// Limits have no stiffness: URDF does not define one, and nerd-sim's systems add it. Armature is zero. Contact
+    /// points come from [`Robot::default_contact_points`].
     ///
     /// # Errors
-    /// If the text cannot be honoured; names the link or joint and the reason.
+    /// If the text is refused; the error names the link or joint and the reason.
     pub fn from_urdf(xml: &str, base: Base) -> Result<Self, UrdfError> {
         UrdfRobot::read(xml, base).map(|read| read.robot)
     }
 }
 
 impl UrdfRobot {
-    /// As [`Robot::from_urdf`], with the assumptions made.
+    /// Like [`Robot::from_urdf`]; also gives the assumptions made where the file is silent.
     pub fn read(xml: &str, base: Base) -> Result<Self, UrdfError> {
         let (bodies, notes) = Bodies::from_urdf(xml)?;
         let mut read = Self::of(&bodies, base)?;
@@ -54,7 +54,7 @@ impl UrdfRobot {
 /// Convex hull of a collision mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
-    /// Index of the moving link that carries it.
+    /// Index of the moving link that carries the hull.
     pub link: usize,
     /// Vertices in that link's frame (m).
     pub vertices: Arc<[Vector3<f64>]>,
@@ -65,7 +65,7 @@ pub struct Hull {
 /// A collision mesh named in a robot's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MeshFile {
-    /// Index of the moving link that carries it.
+    /// Index of the moving link that carries the mesh.
     pub link: usize,
     /// Name of the mesh's body in the file.
     pub of: String,
@@ -83,7 +83,7 @@ pub struct MeshFile {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UrdfError {
-    /// The fault in the text, a link, a joint or the tree of joints.
+    /// A fault in the text, in a link, in a joint, or in the tree of joints.
     #[error("{0}")]
     Refused(String),
     /// A robot without a joint on a fixed base.

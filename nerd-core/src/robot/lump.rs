@@ -1,5 +1,5 @@
-//! Adds one body or joint of a file to the robot: inertia and shapes are lumped to the moving link, joints get their
-//! properties.
+//! Adds one body or joint of a file to the robot. A body's inertia and shapes are lumped into the moving link that
+//! carries the body. A joint gets its properties from the file.
 
 use nalgebra::{Isometry3, Matrix3, Translation3, Vector3};
 
@@ -9,7 +9,8 @@ use super::{
 };
 use crate::spatial::{BodyInertia, PointMass};
 
-/// Bound on mass (kg), centre of mass (m) and inertia (kg m^2) of a link, so that products of a few stay finite.
+/// Bound on mass (kg), centre of mass (m) and inertia (kg m^2) of a link, so that products of a few such numbers stay
+/// finite.
 const MAX_INERTIAL: f64 = 1e60;
 
 /// Welds a body of the file to moving link `host`, at `pose` in the link frame.
@@ -72,10 +73,10 @@ pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, 
     }
 }
 
-/// The smallest eigenvalue of an inertia, if negative by more than rounding.
+/// The smallest eigenvalue of an inertia (kg m^2), if it is negative by more than rounding.
 fn indefinite(inertia: &Matrix3<f64>) -> Option<f64> {
-    // Scaled to 1 against overflow. Below 1e-15 kg m^2 the inertia is rounding error of the program that wrote the
-    // file.
+    // The largest entry is scaled to 1 against overflow. An inertia below 1e-15 kg m^2 is taken for rounding error of
+    // the program that wrote the file.
     let scale = inertia.amax();
     let least = if scale > 1e-15 { (inertia / scale).symmetric_eigenvalues().min() } else { 0.0 };
     (least < -1e-9).then_some(least * scale)
@@ -105,7 +106,7 @@ pub(super) fn sound(robot: &Robot, notes: &mut Vec<String>) -> Result<(), UrdfEr
     }
 }
 
-/// A one-DoF joint; `origin` is its frame in the moving link above it.
+/// Makes a one-DoF joint from a joint of the file; `origin` is the pose of its frame in the parent link's frame.
 pub(super) fn joint(source: &BodyJoint, origin: Isometry3<f64>) -> Result<Joint, UrdfError> {
     let kind = match source.kind {
         BodyJointKind::Revolute => JointKind::Revolute,

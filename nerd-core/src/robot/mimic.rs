@@ -2,13 +2,13 @@
 
 use super::{BodyMimic, Joint, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
-/// Limit on joint positions (rad) that stands for unlimited.
+/// Joint position (rad or m) that stands for unlimited.
 const UNLIMITED_POSITION: f64 = 1e9;
 /// Least difference (rad or m) by which one limit counts as narrower than another.
 const MIN_LIMIT_DIFFERENCE: f64 = 1e-6;
 
-/// Makes the joints of `followers` (link, law) follow their leaders, through chains of mimic joints. Damping, friction
-/// and limits go to the leader.
+/// Makes the joints of `followers` (link index, law) follow their leaders, through chains of mimic joints. A leader
+/// takes over its followers' damping, friction and limits.
 pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) -> Result<(), UrdfError> {
     let UrdfRobot { robot, notes, .. } = read;
     let found = followers.iter().map(|follower| led(robot, &followers, follower)).collect::<Result<Vec<_>, _>>()?;
@@ -32,10 +32,11 @@ pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) 
     Ok(())
 }
 
-/// A follower's link, its leader's link, and multiplier and offset of the chain between them.
+/// Index of a follower's link, index of its leader's link, and multiplier and offset of the chain of mimic joints
+/// between the two.
 type Led = (usize, usize, f64, f64);
 
-/// Finds a follower's leader, the independent joint at the end of its chain.
+/// Finds a follower's leader, the independent joint at the end of the follower's chain of mimic joints.
 fn led(
     robot: &Robot,
     followers: &[(usize, &BodyMimic)],
@@ -65,7 +66,7 @@ fn led(
     Err(wrong("<mimic> leads back to itself".into()))
 }
 
-/// Narrows a leader's limits to those of `own`, which follows it.
+/// Narrows a leader's limits to positions at which its follower `own` is within its own limits.
 fn narrow(leader: &mut Joint, own: &Joint, [multiplier, offset]: [f64; 2], notes: &mut Vec<String>) {
     let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { return };
     let [a, b] = [limit.lower, limit.upper].map(|end| (end - offset) / multiplier);

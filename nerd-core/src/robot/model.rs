@@ -1,5 +1,5 @@
-//! Links and the robot they form. Fixed joints are lumped; every link except a floating root is carried by one moving
-//! joint.
+//! Links, and the robot that they form. Bodies on fixed joints are lumped into the link that carries them. Every link
+//! except a floating root is carried by one moving joint.
 //!
 //! Dimensions: with `k` independent one-DoF joints a fixed-base robot has `nq = nv = k`; a floating one `nq = 7 + k`,
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
@@ -12,14 +12,14 @@ use crate::prelude::*;
 /// The root link's base.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Base {
-    /// Fixed to the world at this pose; [`Base::fixed`] at its origin.
+    /// Fixed to the world at this pose; [`Base::fixed`] gives a base at the world's origin.
     Fixed(Isometry3<f64>),
     /// Free to move: link 0 is the root and has no joint.
     Floating,
 }
 
 impl Base {
-    /// Fixed to the world at its origin.
+    /// A base fixed at the world's origin, in the world's axes.
     pub fn fixed() -> Self {
         Self::Fixed(Isometry3::identity())
     }
@@ -28,20 +28,20 @@ impl Base {
 /// One rigid body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// Name from its file.
+    /// Name of the link's body in the robot's file.
     pub name: String,
     /// Index of the parent link; `None` for links on the fixed base and for a floating root.
     pub parent: Option<usize>,
     /// The joint that carries the link; `None` only for a floating root.
     pub joint: Option<Joint>,
-    /// Inertia in the link frame, including fixed children.
+    /// Inertia in the link frame, including the bodies fixed to the link.
     pub inertia: BodyInertia,
-    /// Gravity-compensated mass, in the link frame: gravity does not act on it.
+    /// Gravity-compensated part of the mass, as one point mass in the link frame. Gravity does not act on this part.
     pub lifted: PointMass,
-    /// Collision shapes, including fixed children's.
+    /// Collision shapes, including those of bodies fixed to the link.
     pub shapes: Vec<Shape>,
-    /// Frame of the body in the file, in the link frame. Positions given by the body's name are relative to it
-    /// ([`Robot::frame`]). The identity, except for an MJCF body with its joint elsewhere.
+    /// Pose of the file's body frame in the link frame. Positions given with the body's name are in the body frame
+    /// ([`Robot::frame`]). The pose is the identity, except for an MJCF body whose joint is not at the body's origin.
     pub frame: Isometry3<f64>,
 }
 
@@ -61,7 +61,8 @@ impl Link {
 }
 
 impl Link {
-    /// Adds `armature` to the inertia of each DoF of a floating root, without weight; a negative number removes it.
+    /// Adds `armature` (kg m^2 and kg) to the inertia of each DoF of a floating root, without weight. A negative number
+    /// removes armature.
     pub fn arm(&mut self, armature: f64) {
         let own =
             BodyInertia { mass: armature, com: Vector3::zeros(), inertia: Matrix3::from_diagonal_element(armature) };
@@ -75,26 +76,27 @@ impl Link {
 pub struct FixedFrame {
     /// Name of the body in the file.
     pub name: String,
-    /// Index of the moving link that carries it; `None` on a fixed base.
+    /// Index of the moving link that carries the frame; `None` on a fixed base.
     pub link: Option<usize>,
-    /// Pose in that link's frame, or in the base's.
+    /// Pose in the frame of the link, or of the base if `link` is `None`.
     pub pose: Isometry3<f64>,
 }
 
-/// Armature and damping of a floating root, the same on its six DoFs: three rotations, three translations of its link's
-/// frame.
+/// Armature and damping of a floating root, each the same on all six DoFs. The DoFs are three rotations and three
+/// translations of the root link's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FreeRoot {
-    /// Inertia without weight (kg m^2, kg). It is included in the inertia of link 0, and compensated there.
+    /// Inertia without weight (kg m^2 for rotations, kg for translations). The inertia of link 0 includes this
+    /// armature, and the link's compensated mass cancels the weight of the armature.
     pub armature: f64,
-    /// Viscous damping (N m s/rad, N s/m).
+    /// Viscous damping (N m s/rad for rotations, N s/m for translations).
     pub damping: f64,
 }
 
 /// A robot model. Links are in topological order: a parent comes before its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// Name from its file.
+    /// Name of the robot in its file.
     pub name: String,
     /// The base.
     pub base: Base,
@@ -106,7 +108,7 @@ pub struct Robot {
     pub contact_points: Vec<ContactPoint>,
     /// Frames of bodies on fixed joints (sole, IMU, tool).
     pub frames: Vec<FixedFrame>,
-    /// Number of mimic joints, cached since every step needs the sizes.
+    /// Number of mimic joints; stored, since every step needs `nq` and `nv`.
     followers: usize,
 }
 
@@ -125,8 +127,8 @@ impl Robot {
         }
     }
 
-    /// Makes a link's joint a mimic joint, or independent again. Coordinate indices refer to the final set of
-    /// independent joints.
+    /// Makes the joint of link `link` a mimic joint, or independent again if `mimic` is `None`. The law's coordinate
+    /// counts the joints that are independent after all calls.
     pub fn follow(&mut self, link: usize, mimic: Option<Mimic>) {
         if let Some(joint) = &mut self.links[link].joint {
             joint.mimic = mimic;
@@ -169,8 +171,8 @@ impl Robot {
         self.links.iter().filter_map(|l| l.joint.as_ref()).find(|j| j.mimic.is_some())
     }
 
-    /// The index in `qd` of each link's joint, `[link]`; mimic joints share the index of their leader. 0 for a floating
-    /// root, the first of its six.
+    /// The index in `qd` of each link's joint, `[link]`. Mimic joints share the index of their leader. A floating root
+    /// has index 0, the first of its six DoFs.
     pub fn dofs(&self) -> Vec<usize> {
         let (first, mut own) = (self.root_dofs(), 0);
         let of = |link: &Link| match &link.joint {
@@ -230,7 +232,7 @@ impl Robot {
         self.links.iter().filter_map(|l| l.joint.as_ref()).filter(|j| j.mimic.is_none())
     }
 
-    /// As `Self::joints`, mutable (armature, damping, limits).
+    /// Like `Self::joints`, but mutable, to set armature, damping or limits.
     pub fn joints_mut(&mut self) -> impl Iterator<Item = &mut Joint> {
         self.links.iter_mut().filter_map(|l| l.joint.as_mut()).filter(|j| j.mimic.is_none())
     }
@@ -258,9 +260,9 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// Collision geometry of a link for an engine with shapes: boxes and cylinders with all their contact points in
-    /// use, and balls for the other points. As balls of 1e-5 m, corners would catch on the ground: a sliding plate
-    /// stops within a frame.
+    /// Collision geometry of a link for an engine with shapes. A box or cylinder is given as a shape if all its contact
+    /// points are in use. The remaining contact points are given as balls. A box's corners as balls of 1e-5 m would
+    /// catch on the ground: a sliding plate stops within a frame.
     pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).cloned().collect();
         let mut shapes = Vec::new();
@@ -272,7 +274,7 @@ impl Robot {
                 shapes.push(shape.clone());
             }
         }
-        // A disc is one shape, so one of its three points suffices.
+        // Of a disc's three contact points, the one with `turn = 0` stands for the whole disc.
         points.retain(|p| !matches!(p.locus, Locus::Rim { turn, .. } if turn != 0.0));
         (shapes, points)
     }

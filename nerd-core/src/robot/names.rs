@@ -14,16 +14,16 @@ pub struct UnknownName {
     hint: String,
 }
 
-/// Indices of a joint: among the joints (the order of torques and drives), in `q` and in `qd`; and the link it carries.
+/// Indices of an independent joint among the joints, in `q` and in `qd`, and the index of the link it carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JointIndex {
-    /// Among the independent joints.
+    /// Index among the independent joints, in the order of torques and drives.
     pub joint: usize,
-    /// In `q`.
+    /// Index of the joint's coordinate in `q`.
     pub q: usize,
-    /// In `qd` and `tau`.
+    /// Index of the joint's DoF in `qd` and `tau`.
     pub qd: usize,
-    /// Index of the link it carries.
+    /// Index of the link that the joint carries.
     pub link: usize,
 }
 
@@ -31,7 +31,7 @@ impl Robot {
     /// Indices of an independent joint by name: `q[robot.joint("elbow")?.q] = 0.3`.
     ///
     /// # Errors
-    /// If no independent joint has this name; lists similar names, or names the leader of a mimic joint.
+    /// If no independent joint has this name. The error lists similar names; for a mimic joint it names the leader.
     pub fn joint(&self, name: &str) -> Result<JointIndex, UnknownName> {
         let own = self.links.iter().enumerate().filter_map(|(link, l)| Some((link, l.joint.as_ref()?)));
         let (followers, moving): (Vec<_>, Vec<_>) = own.partition(|(_, joint)| joint.mimic().is_some());
@@ -53,7 +53,8 @@ impl Robot {
     /// Index of a moving link by name.
     ///
     /// # Errors
-    /// If no moving link has this name; names the link it is fixed on, or lists similar names.
+    /// If no moving link has this name. The error names the link on which a body of this name is fixed, or lists
+    /// similar names.
     pub fn link(&self, name: &str) -> Result<usize, UnknownName> {
         self.links.iter().position(|l| l.name == name).ok_or_else(|| {
             let hint = match self.frames.iter().find(|f| f.name == name).map(|f| f.link) {
@@ -65,10 +66,11 @@ impl Robot {
         })
     }
 
-    /// A frame by name: a moving link's ([`Link::frame`]), or one fixed on a link (sole, IMU, tool) or on the base.
+    /// A frame by name: that of a moving link ([`Link::frame`]), or one fixed on a link (sole, IMU, tool) or on the
+    /// base.
     ///
     /// # Errors
-    /// If neither a link nor a frame has this name; lists similar names.
+    /// If neither a link nor a frame has this name; the error lists similar names.
     pub fn frame(&self, name: &str) -> Result<FixedFrame, UnknownName> {
         if let Some(link) = self.links.iter().position(|l| l.name == name) {
             return Ok(FixedFrame { name: name.into(), link: Some(link), pose: self.links[link].frame });
@@ -86,7 +88,7 @@ impl Robot {
     }
 }
 
-/// Known names similar to this one, or the first few of all.
+/// Text that lists the known names similar to `name`, or if there are none, the first few known names.
 fn near<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
     let alike =

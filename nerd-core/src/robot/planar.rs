@@ -1,13 +1,13 @@
-//! Planar joints as two slides and a rotation about the normal, in that order, through two massless links. The
-//! coordinates `(x, y, angle)` have no singularity, so this is exact. (Any three angles of a ball joint have one; it is
-//! refused.)
+//! Splits a planar joint into two slides and a hinge about the plane's normal, in that order. Two massless links lie
+//! between the three joints. The split is exact, since the coordinates `(x, y, angle)` (m, m, rad) have no singularity.
+//! A ball joint is refused, since any three angles for it have a singularity.
 
 use nalgebra::Unit;
 
 use super::{Bodies, BodyJoint, BodyJointKind};
 use crate::prelude::*;
 
-/// Suffix of the third joint, which carries the child link.
+/// Suffix that names a planar joint's third part, the hinge that carries the child link.
 pub(super) const TURN: &str = "turn";
 
 /// Refuses a file that gives another joint or link the name of a planar joint's part.
@@ -28,7 +28,8 @@ pub(super) fn check_names(file: &Bodies) -> Result<(), UrdfError> {
 }
 
 /// The parts of a planar joint: two sliding links, to be added as links `next` and `next + 1`, and the hinge that
-/// carries `child`. `parent` is the moving link that carries the joint, and `origin` the joint's frame in it.
+/// carries `child`. `parent` is the moving link that carries the joint, and `origin` the pose of the joint's frame in
+/// that link.
 pub(super) fn planar(
     source: &BodyJoint,
     child: &str,

@@ -7,7 +7,7 @@ use crate::spatial::BodyInertia;
 
 impl Robot {
     /// Multiplies all lengths by `factor` at the same masses: shapes, contact points, joint frames, centres of mass.
-    /// Inertias grow by its square.
+    /// Rotational inertias grow by the square of `factor`.
     pub fn scale(&mut self, factor: f64) {
         let own = self.contact_points == self.default_contact_points();
         if let Base::Fixed(pose) = &mut self.base {
@@ -57,8 +57,8 @@ impl Shape {
 }
 
 impl BodyInertia {
-    /// Spreads mass along axis `axis` of the link: multiplies the second moment of mass along it by `factor` and keeps
-    /// the other two. So the inertia stays physically possible.
+    /// Spreads mass along the link's axis `axis` (0, 1, 2: x, y, z). Multiplies the second moment of mass along this
+    /// axis by `factor` and keeps the other two. So the inertia stays physically possible.
     pub fn spread(&mut self, axis: usize, factor: f64) {
         let mut moments = nalgebra::Matrix3::identity() * (0.5 * self.inertia.trace()) - self.inertia;
         moments.row_mut(axis).scale_mut(factor.sqrt());

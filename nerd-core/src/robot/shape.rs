@@ -16,7 +16,8 @@ pub struct Shape {
     pub surface: Option<usize>,
 }
 
-/// Primitive shapes, centred at their pose; lengths in m. Axes lie along z; a capsule's length is its straight part.
+/// Primitive shapes, centred at their pose; lengths in m. The axis of a cylinder or capsule is z; a capsule's length is
+/// that of its straight part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)]
 pub enum ShapeKind {
@@ -27,9 +28,9 @@ pub enum ShapeKind {
 }
 
 impl Shape {
-    /// The contact points of this shape on link `link`: a sphere's centre; the ends of a capsule's axis (the +z end
-    /// first); a box's corners (x fastest, negative first; radius 1e-5 m); three on each rim of a cylinder (radius 1e-5
-    /// m, the +z rim first).
+    /// The contact points of this shape on link `link`. A sphere has its centre; a capsule the ends of its axis, the +z
+    /// end first. A box has its corners (x fastest, negative first; radius 1e-5 m). A cylinder has three points on each
+    /// rim (radius 1e-5 m), the +z rim first.
     pub fn contact_points(&self, link: usize) -> Vec<ContactPoint> {
         let at = |local: Vector3<f64>| self.pose.transform_point(&local.into()).coords;
         let point = |local: Vector3<f64>, radius: f64| ContactPoint::new(link, at(local), radius);

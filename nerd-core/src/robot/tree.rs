@@ -1,11 +1,11 @@
 //! Builds a robot from its file's bodies.
 //!
-//! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
-//! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
-//! pose. A fixed base drops the root body's inertia, returns its shapes ([`UrdfRobot::base`]) and keeps the bodies
-//! fixed to it as frames; the root of a floating robot is link 0. Bodies on fixed joints become frames. A mimic joint
-//! adds no coordinate; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating joint makes the base free if it is
-//! the only joint of an empty root body (`world`).
+//! Links come depth-first from the root, siblings in the order of the file's joints. The joint coordinates of `q` come
+//! in the order of the links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with
+//! their pose. Bodies on fixed joints become frames. A fixed base drops the root body's inertia and returns its shapes
+//! ([`UrdfRobot::base`]). The root of a floating robot is link 0. A mimic joint adds no coordinate; see
+//! [`super::Mimic`]. `planar.rs` splits planar joints. A floating joint makes the base free if it is the only joint of
+//! an empty root body (`world`).
 
 use super::lump::{joint, lump, shapes, sound};
 use super::planar::{TURN, check_names, planar};
@@ -13,12 +13,12 @@ use super::{Bodies, Body, BodyJoint, BodyJointKind, mimic::follow};
 use crate::prelude::*;
 
 impl UrdfRobot {
-    /// The robot of these bodies, on a base that is fixed (the root body is dropped) or floats (it is link 0). Contact
-    /// points come from [`Robot::default_contact_points`].
+    /// The robot made of `bodies`. On a fixed base the root body is dropped; on a floating base the root body is link
+    /// 0. Contact points come from [`Robot::default_contact_points`].
     ///
     /// # Errors
-    /// If the joints form no tree, nothing moves, or an inertia is physically impossible; names the body or joint and
-    /// the reason.
+    /// If the joints form no tree, nothing moves, or an inertia is physically impossible. The error names the body or
+    /// joint and the reason.
     pub fn of(bodies: &Bodies, base: Base) -> Result<Self, UrdfError> {
         check_names(bodies)?;
         let floating = base == Base::Floating;
@@ -40,8 +40,8 @@ impl UrdfRobot {
         Ok(read)
     }
 
-    /// As `Self::of`, for a robot without later additions such as armature. A joint that carries no mass has no
-    /// dynamics, so it is fixed at zero: its bodies become frames, and a note names it.
+    /// Like `Self::of`, for a robot that gets no armature or other inertia later. A joint that carries no mass has no
+    /// dynamics, so it is fixed at zero. Its bodies become frames, and a note names the joint.
     pub fn of_alone(bodies: &Bodies, base: Base) -> Result<Self, UrdfError> {
         let read = Self::of(bodies, base)?;
         let idle = idle(&read.robot);
@@ -62,7 +62,7 @@ impl UrdfRobot {
     }
 }
 
-/// Joints that carry no mass, neither themselves nor through their mimic joints.
+/// Names of the joints that carry no mass, neither themselves nor through the mimic joints that follow them.
 fn idle(robot: &Robot) -> Vec<String> {
     let (links, dofs) = (&robot.links, robot.dofs());
     let mut carried: Vec<bool> = links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
@@ -78,11 +78,11 @@ fn idle(robot: &Robot) -> Vec<String> {
     joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
 }
 
-/// The joints on each body, in the file's order.
+/// The file's bodies as a tree: the joints that hang on each body, in the file's order.
 struct Tree<'a> {
     file: &'a Bodies,
     root: usize,
-    /// The body above a floating joint at the root: a name for the world.
+    /// The empty body above a floating joint at the root, if any; it stands for the world.
     world: Option<usize>,
     children: Vec<Vec<&'a BodyJoint>>,
 }
@@ -122,8 +122,8 @@ impl<'a> Tree<'a> {
 
     /// Adds the root and all its descendants; `host` is the moving link of the root, `None` for a fixed base.
     fn add(&self, host: Option<usize>, read: &mut UrdfRobot) -> Result<(), UrdfError> {
-        // An explicit stack, so that a deep tree cannot overflow the call stack. An entry: body, the moving link above
-        // it, its pose in that link, and its moving joint, if any.
+        // An explicit stack, so that a deep tree cannot overflow the call stack. An entry holds a body, the moving link
+        // above the body, the body's pose in that link, and its moving joint, if any.
         let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
         let mut seen: Vec<bool> = (0..self.file.bodies.len()).map(|i| Some(i) == self.world).collect();
         let mut followers = Vec::new();
@@ -168,7 +168,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// The floating joint of a root body without mass and collision solids.
+/// The only joint of the root body, if it is floating and the body has neither mass nor collision solids.
 fn floating_root<'a>(root: &Body, children: &[&'a BodyJoint]) -> Option<&'a BodyJoint> {
     let bare = root.inertia.mass == 0.0 && root.collisions.is_empty();
     match children {
@@ -177,7 +177,7 @@ fn floating_root<'a>(root: &Body, children: &[&'a BodyJoint]) -> Option<&'a Body
     }
 }
 
-/// The link of a moving body, nothing lumped in yet.
+/// The link of a moving body, still without inertia and shapes.
 fn bare(source: &Body, parent: Option<usize>, joint: Option<Joint>) -> Link {
     Link { frame: source.frame, ..Link::new(source.name.clone(), parent, joint, BodyInertia::default()) }
 }

@@ -9,23 +9,23 @@ use super::xml::prepared;
 use super::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, Form, FreeRoot, ShapeKind, Solid, UrdfError};
 use crate::spatial::BodyInertia;
 
-/// Largest coordinate of a pose (m, rad), joint limit, size, damping and dry friction (SI).
+/// Largest accepted number: pose (m, rad), joint limit (rad or m), size (m), damping and dry friction (SI units).
 const MAX_COORDINATE: f64 = 1e9;
 
 impl Bodies {
-    /// Reads the text of a URDF. Also returns the assumptions made where it is silent, one line each. A visual that
-    /// cannot be read is left out.
+    /// Reads the text of a URDF. Also returns the assumptions made where the text is silent, one line each. A visual
+    /// that cannot be read is left out.
     ///
     /// # Errors
-    /// If the text is refused; names the link or joint and the reason. [`super::UrdfRobot::of`] checks whether the
-    /// joints form a tree.
+    /// If the text is refused; the error names the link or joint and the reason. [`super::UrdfRobot::of`] checks
+    /// whether the joints form a tree.
     pub fn from_urdf(xml: &str) -> Result<(Self, Vec<String>), UrdfError> {
         // Skip a byte-order mark.
         let (plain, looks) = prepared(xml.trim_start_matches('\u{feff}'))?;
         if !plain.contains('<') {
             return Err(UrdfError::text("it has no element; the text of a URDF is needed, not its path"));
         }
-        // urdf-rs may panic on malformed text; user input must not.
+        // urdf-rs may panic on malformed text; the panic is caught and becomes an error.
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file =
             parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
@@ -74,7 +74,7 @@ fn body(source: &urdf_rs::Link, visuals: Vec<Solid>) -> Result<Body, UrdfError> 
         let pose = isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far"))?;
         let form = form(&collision.geometry);
         match &form {
-            // -0.0 is refused too: physics engines assert on it.
+            // A size of -0.0 is refused too: physics engines assert on it.
             Form::Shape(kind) if !sizes(kind).iter().all(|x| x.is_sign_positive() && *x <= MAX_COORDINATE) => {
                 Err(wrong("a collision shape has a negative size, or one that is not finite or absurd"))
             }
@@ -160,13 +160,13 @@ fn kind(source: &urdf_rs::Joint) -> Result<BodyJointKind, UrdfError> {
 fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64; 2]>, UrdfError> {
     let (limit, wrong) = (&source.limit, |reason: &str| UrdfError::joint(&source.name, reason));
     match (limit.lower, limit.upper) {
-        // urdf-rs fills in zeros for missing limits. A joint with zero range would be a fixed one.
+        // urdf-rs gives a missing limit as zeros. So all zeros count as no limit; a joint of zero range would be fixed.
         (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
             notes.push(format!("joint `{}`: <limit> is missing or all zero, and limits nothing", source.name));
             Ok(None)
         }
         (lower, upper) if lower > upper => Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
-        // URDF 1.2 leaves out both limits to mean none; other tools write huge ones.
+        // No limit is meant: URDF 1.2 leaves out both ends, and other tools write huge numbers.
         (lower, upper) if lower <= -MAX_COORDINATE && upper >= MAX_COORDINATE => {
             notes.push(format!("joint `{}`: <limit> has no bounds, and limits nothing", source.name));
             Ok(None)

@@ -1,4 +1,4 @@
-//! Reads the visual shapes of a URDF's links. They do not affect motion, so unreadable ones are left out.
+//! Reads the visual shapes of a URDF's links. Visual shapes do not affect motion, so unreadable ones are left out.
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 

@@ -1,7 +1,7 @@
-//! Checks names of URDF elements and attributes that define the robot: a misspelt one would silently change it, so it
-//! is refused. Other elements (transmissions, sensors, simulators' extensions) are ignored.
+//! Checks the names of the URDF elements and attributes that define the robot. A misspelt name is refused, since it
+//! would silently change the robot. Other elements (transmissions, sensors, simulators' extensions) are ignored.
 
-/// Attributes of the elements that we read.
+/// Known attributes of the elements that define the robot: `(element, attributes)`.
 const ATTRIBUTES: [(&str, &[&str]); 15] = [
     ("origin", &["xyz", "rpy"]),
     ("axis", &["xyz"]),
@@ -37,10 +37,10 @@ fn numbers(element: &str, attribute: &str) -> Option<usize> {
     }
 }
 
-/// Root elements of formats that are mistaken for URDF.
+/// Root elements of formats that are mistaken for URDF: `(element, format)`.
 const OTHERS: [(&str, &str); 3] = [("sdf", "an SDF file"), ("mujoco", "an MJCF file"), ("COLLADA", "a COLLADA mesh")];
 
-/// Largest edit distance of a misspelt word.
+/// Largest edit distance (in letters) at which a word counts as a misspelt known word.
 const MAX_EDIT_DISTANCE: usize = 2;
 
 fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a str]> {
@@ -65,7 +65,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     if rest == ["loop_joint"] {
         return Err("<loop_joint>: a closed loop is not supported; robots are trees".into());
     }
-    // Below the root, check only links and joints, without their visuals.
+    // Deeper than the root's children, check only links and joints, and never visuals.
     if rest.len() > 1 && !matches!(rest[0], "link" | "joint") || rest.contains(&"visual") {
         return Ok(());
     }
@@ -96,7 +96,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
             return Err(format!("<{element} {name}=\"{value}\">: {} numbers, {count} are needed", words.len()));
         }
     }
-    // The lower triangle of an inertia repeats the upper one.
+    // Entries of an inertia's lower triangle, if given, must equal those of the upper one.
     for (twin, key) in [("iyx", "ixy"), ("izx", "ixz"), ("izy", "iyz")].into_iter().filter(|_| *element == "inertia") {
         let of = |key: &str| {
             attributes.iter().find(|(name, _)| name == key).and_then(|(_, value)| value.trim().parse::<f64>().ok())
@@ -110,7 +110,8 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     Ok(())
 }
 
-/// The known word that `word` misspells. Words far from all known ones are extensions, common in real files.
+/// The known word that `word` misspells, if any. A word far from all known ones is taken for an extension, as is common
+/// in real files.
 fn meant<'a>(known: &[&'a str], word: &str) -> Option<&'a str> {
     known.iter().find(|k| strsim::osa_distance(k, word) <= MAX_EDIT_DISTANCE).copied()
 }

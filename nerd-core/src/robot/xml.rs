@@ -1,5 +1,5 @@
 //! Prepares a URDF's text for urdf-rs. Elements that define the robot are checked, and faults reported by line and
-//! element. Elements that urdf-rs need not read are dropped; optional ones that it requires are filled in.
+//! element. Elements that do not affect motion are dropped. Optional attributes that urdf-rs requires are filled in.
 
 use std::borrow::Cow;
 
@@ -8,9 +8,10 @@ use quick_xml::events::{BytesStart, Event, attributes::Attribute};
 
 use super::{Solid, UrdfError, visual::Looks, words::check};
 
-/// Greatest nesting depth. urdf-rs recurses and overflows the stack far beyond it.
+/// Greatest nesting depth of elements. urdf-rs recurses, and overflows the stack at depths far beyond this one.
 const MAX_DEPTH: usize = 64;
-/// Elements that do not affect motion. Files often leave them incomplete, which urdf-rs refuses.
+/// Elements that are dropped, since they do not affect motion. Files often leave such elements incomplete, and urdf-rs
+/// refuses incomplete ones.
 const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibration", "transmission"];
 
 /// An open element on the path from the root.
@@ -27,7 +28,7 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
     }
     let mut reader = Reader::from_str(text);
     let (mut out, mut path) = (String::with_capacity(text.len()), Vec::<Open>::new());
-    // Depth of the element that is being dropped.
+    // Depth, counted from the root, of the element that is being dropped, if any.
     let (mut unread, mut looks) = (None, Looks::default());
     loop {
         let start = reader.buffer_position() as usize;
@@ -84,8 +85,8 @@ fn refused(path: &[Open], line: usize, reason: &str) -> UrdfError {
     UrdfError::text(&format!("line {line}{owner}: {reason}"))
 }
 
-/// Fills in attributes of `<limit>` that URDF makes optional and urdf-rs requires: infinite bounds; zero effort and
-/// velocity, which mean unknown.
+/// Adds the attributes of `<limit>` that URDF makes optional and urdf-rs requires. If both bounds are missing, they
+/// become infinite. A missing effort or velocity becomes zero, which means unknown.
 fn fill(tag: &mut String, attributes: &[(String, String)]) {
     let has = |key: &str| attributes.iter().any(|(name, _)| name == key);
     let mut more = String::new();
@@ -98,7 +99,7 @@ fn fill(tag: &mut String, attributes: &[(String, String)]) {
     tag.insert_str("<limit".len(), &more);
 }
 
-/// Refuses the last element of the path if a required child is missing.
+/// Refuses the last element of the path if it lacks a required child.
 fn whole(path: &[Open]) -> Result<(), String> {
     let [.., above, Open { name, children, .. }] = path else { return Ok(()) };
     let has = |child: &str| children.iter().any(|c| c == child);

@@ -26,7 +26,8 @@ impl Program {
                     Leaf::State(k) => view.state[k],
                     Leaf::Goal(k) => view.goal[k],
                     Leaf::Action(k) => inputs.action[k].clamp(-1.0, 1.0),
-                    // A reward that reads no torques needs none.
+                    // Torques are recorded even if the reward does not use them; the caller may then leave the torques
+                    // out.
                     Leaf::Torque(k) => inputs.torques.get(k).copied().unwrap_or(f64::NAN),
                     Leaf::Place { link, local, axis } => found.place(link, local)[axis],
                     Leaf::Distance(point) => found.distance(point),
@@ -40,7 +41,7 @@ impl Program {
                         }
                         called[i]
                     }
-                    // These leaves occur in adjoints only.
+                    // Leaves of upstream gradients occur in adjoints only.
                     Leaf::By(_) | Leaf::Pushed { .. } => f64::NAN,
                 },
             };
@@ -49,7 +50,7 @@ impl Program {
         all
     }
 
-    /// Passes the results to `write`, in order.
+    /// Evaluates the formula and passes its results to `write`, in order.
     pub(super) fn run(
         &self,
         task: &dyn Task,
@@ -77,10 +78,10 @@ struct Found<'a> {
     task: &'a dyn Task,
     view: View<'a>,
     work: &'a mut Work,
-    /// Whether kinematics, and distances, belong to this state.
+    /// Whether the kinematics in `work` are of this state, and whether the distances are.
     placed: bool,
     near: bool,
-    /// The last point asked for.
+    /// The last point that was read: link, position in the link frame, world position (m).
     place: Option<(usize, [f64; 3], [f64; 3])>,
     plain: Vec<f64>,
 }

@@ -7,7 +7,7 @@ use super::evaluate::{Inputs, value};
 use crate::formula::{Ends, Given, Leaf, Program, sweep};
 use crate::{Task, View, Work};
 
-/// Accumulators for gradients.
+/// Values of one evaluation, and accumulators for its gradients.
 struct Found<'a> {
     values: &'a [f64],
     lists: &'a [Vec<Given>],
@@ -45,8 +45,8 @@ impl Ends<f64> for Found<'_> {
 }
 
 impl Program {
-    /// Vector-Jacobian product for upstream gradients `by`: adds to `gradient[2 nv]` (state) and to `by_given` (action
-    /// or torques).
+    /// Vector-Jacobian product for the upstream gradients `by` with respect to the results. Adds to `gradient[2 nv]`
+    /// (with respect to the state) and to `by_given` (to the action or the torques).
     pub(super) fn back(
         &self,
         task: &dyn Task,

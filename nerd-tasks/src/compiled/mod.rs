@@ -15,7 +15,7 @@ use self::evaluate::Inputs;
 use crate::formula::{Given, Leaf, Number, Program, Sight, Tape, Traced};
 use crate::{Task, View, Work};
 
-/// Most halvings of a fast start's velocity.
+/// Largest number of times that [`fast_start`] halves the velocities.
 const HALVINGS: usize = 12;
 
 /// A task whose formulas are recorded for one robot: evaluated on the CPU, differentiated, and written as GPU kernels.
@@ -29,7 +29,8 @@ pub struct Compiled {
     terminated: Program,
     /// No result for a task without a success criterion.
     error: Program,
-    /// The first formula that asks for what does not exist; its results are NaN.
+    /// Error text of the first formula that reads a quantity that does not exist. The results of such a formula are
+    /// NaN.
     wrong: Option<String>,
 }
 
@@ -48,7 +49,7 @@ impl Compiled {
         let own = &*task;
         let (about, joints) = (own.about(), system.robot.joint_count());
         let of = (own, &**system);
-        // A NaN shows an entry that the task leaves out.
+        // An entry that the task does not write stays NaN.
         let observe = recorded(of, "observe", &mut wrong, |sight| {
             let mut out = vec![Traced::Number(f64::NAN); about.observation];
             own.observe(sight, &mut out);
@@ -72,12 +73,12 @@ impl Compiled {
         Self { system: system.clone(), observe, act, reward, terminated, error, wrong, task }
     }
 
-    /// The robot of the recording.
+    /// The robot for which the formulas were recorded.
     pub fn recorded_for(&self) -> &Arc<System> {
         &self.system
     }
 
-    /// Refuses a task with a size out of range, or a formula that asks for what does not exist.
+    /// Refuses a task with a size out of range, or with a formula that reads a quantity that does not exist.
     pub fn check(&self) -> Result<(), String> {
         self.about().check().map_err(|e| format!("task `{}`: {e}", self.name()))?;
         self.wrong.clone().map_or(Ok(()), Err)
@@ -119,20 +120,21 @@ impl Compiled {
         terminated
     }
 
-    /// Whether there are gradients: numbers of plain code have none.
+    /// Whether the task has gradients; a task whose formulas read numbers of plain code has none.
     pub fn has_gradients(&self) -> bool {
         ![&self.observe, &self.act, &self.reward].iter().any(|program| program.plain())
     }
 
-    /// Vector-Jacobian product of [`Self::observe`]: `by[observation]`, adds to `gradient[2 nv]`. Here as in the next
-    /// two, upstream gradients `by` refer to the results, and gradients with respect to the state are in tangent space
-    /// ([`nerd_core::tangent`]). Goals and the nearest surface of each contact point are held constant; under a
-    /// position law with prediction so are the mass matrix and bias forces.
+    /// Vector-Jacobian product of [`Self::observe`] for `by[observation]`: adds to `gradient[2 nv]`. In this method and
+    /// the next two, `by` is the upstream gradient with respect to the results. Gradients with respect to the state are
+    /// in tangent space ([`nerd_core::tangent`]). Goals and the nearest surface of each contact point are held
+    /// constant. Under a position law with prediction, so are the mass matrix and bias forces.
     pub fn observe_back(&self, view: View, work: &mut Work, by: &[f64], gradient: &mut [f64]) {
         self.observe.back(&*self.task, (view, Inputs::default()), work, by, (gradient, &mut []));
     }
 
-    /// Of [`Self::act`]: `by[joint]`; adds to `gradient[2 nv]` and to `by_action`, for the clamped action.
+    /// Vector-Jacobian product of [`Self::act`] for `by[joint]`: adds to `gradient[2 nv]`, and to `by_action`, which is
+    /// with respect to the clamped action.
     pub fn act_back(
         &self,
         view: View,
@@ -145,7 +147,7 @@ impl Compiled {
         self.act.back(&*self.task, (view, Inputs { action, torques: &[] }), work, by, (gradient, by_action));
     }
 
-    /// Of [`Self::reward`]: adds to `gradient[2 nv]` and to `by_torques[joint]`.
+    /// Vector-Jacobian product of [`Self::reward`] for `by`: adds to `gradient[2 nv]` and to `by_torques[joint]`.
     pub fn reward_back(
         &self,
         view: View,

@@ -1,20 +1,21 @@
 // Quantities of one environment that formulas read.
 
-// A zero divisor for constants that are not finite.
+// Returns zero, as a divisor that gives constants that are not finite.
 FN double zero() { return 0; }
 
 struct Seen { const double *state, *goal, *scene; Work* work; };
 
-// Coordinate k of a link's point in the world (m).
+// World coordinate k (m) of the point (x, y, z) (m) in a link's frame.
 FN double place(const Seen& s, int link, double x, double y, double z, int k) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z);
     return (k == 0 ? p.x : k == 1 ? p.y : p.z) + stands(*s.work, k);
 }
-// Distance of a contact point from the scene. Not inlined: for the 72 points of a G1 inlining took a minute to compile.
+// Distance (m) of a contact point from the scene. Not inlined: for the 72 points of a G1 inlining took a minute to
+// compile.
 BIG double gap(const Seen& s, int point) { return nearest(*s.work, point); }
 
-// Height of uneven ground at a distance ahead of the root and to its left (m), relative to its heading.
+// Height (m) of uneven ground at distances (m) ahead of the root and to its left, relative to its heading.
 BIG double ground(const Seen& s, double ahead, double aside) {
 #if FIELDS
     const double* f = terrain(s.scene);
@@ -43,7 +44,7 @@ BIG double ground(const Seen& s, double ahead, double aside) {
 #endif
 }
 
-// Adjoints of these quantities: add gradients to loads on links.
+// Adjoints of `place` and `gap`: add gradients to loads on links.
 FN void place_back(const Seen& s, int link, double x, double y, double z, int k, double by, Wrench* load) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z), force = v3(k == 0, k == 1, k == 2) * by;

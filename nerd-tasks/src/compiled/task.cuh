@@ -1,7 +1,7 @@
 // Episodes of a task in many environments, as in episodes.rs.
 
 constexpr int STATE = NQ + NV;
-// A coordinate or velocity beyond this is a failure.
+// A coordinate (m, rad) or velocity (m/s, rad/s) beyond this is a failure.
 constexpr double FAR = 1e5;
 
 // All environments, row-major. `begun` and the seed's key determine the next draws; `memory` counts the frames that a
@@ -63,7 +63,7 @@ FN void climb(const World& w, int env, bool lasted) {
 #endif
 }
 
-// An environment for formulas, with `asks` including kinematics and distances.
+// The view of an environment that formulas read. With `asks`, kinematics and distances are computed first.
 FN Seen seen(const World& w, int env, Work& work, bool asks) {
     const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS,
                     w.scenes + (long long)w.scene_of[env] * SCENE, &work};
@@ -71,10 +71,10 @@ FN Seen seen(const World& w, int env, Work& work, bool asks) {
     return s;
 }
 
-// Records of a frame, or null: state and goal before it, torques in it.
+// Records of a frame: state and goal before it, torques in it. Null pointers mean no record.
 struct Past { double *states, *torques, *goals; };
 
-// After a step: its action becomes the last action, after the drawn numbers of the goal; an episode clock in the goal
+// Updates the memory at the goal's end after a step: the step's action becomes the last action, and a count of steps
 // advances.
 FN void remember(double* goal, const float* action) {
     double* kept = goal + GOALS - MEMORY;
@@ -85,7 +85,7 @@ FN void remember(double* goal, const float* action) {
     }
 }
 
-// Torques of one frame of a step.
+// Computes the torques of one frame of a step.
 FN void act(const World& w, int env, const float* actions, int frame, Past past) {
     if (frame) counted(w, env);
     shoved(w.key, stream_of(w, env), w.frames[env], w.states + (long long)env * STATE);
@@ -138,8 +138,8 @@ FN void observe(const World& w, int env, Work& work, double* out) {
 #endif
 }
 
-// After a step: reward, end (0 none, 1 terminated, 2 truncated) and next input row. `cut` gets the final row of
-// truncated episodes, `reached`, if not null, the state; NaN where the solver failed.
+// After a step: computes reward, end (0 none, 1 terminated, 2 truncated) and next input row. `cut` gets the final row
+// of truncated episodes. `reached`, if not null, gets the state, or NaN where the solver failed.
 FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth,
               double* reward, unsigned char* end, double* reached) {
     counted(w, env);
@@ -149,7 +149,7 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
         reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
     Work work;
     if (w.failed[env]) {
-        // As on the CPU: one start after the failure, one after the end.
+        // Counts episodes as the CPU does: one start after the failure, one after the end.
         w.begun[env]++;
         *reward = 0;
         *end = 1;

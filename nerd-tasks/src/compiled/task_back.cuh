@@ -8,18 +8,18 @@ struct Steps {
     // Observation before each step; rows for the value network. A network's input is (row - mean) inverse, clipped to
     // +-5.
     const double *seen, *rows, *mean, *inverse;
-    // Weight of each step's reward, end of the step, and index of its value row, or -1.
+    // For each step: weight of its reward, its end, and index of its row for the value network, or -1.
     const double* shares;
     const unsigned char* ends;
     const int* asked;
     // Sampled actions, and their means.
     const float *drawn, *means;
-    // Gradients with respect to network inputs: before the next step, [env]; of the value rows.
+    // Gradients with respect to network inputs: the policy's before the next step, [env]; the value network's rows.
     const float *by_seen, *by_rows;
     // Per environment: gradients with respect to the state, to torques (by the reward, by the next frame), and to the
     // action.
     double *gradient, *by_torques, *pushed, *by_action;
-    // Set if an environment has a frame without a finite gradient; all its steps are then left out.
+    // Set if an environment has a frame without a finite gradient; all steps of this environment are then left out.
     unsigned* without;
     // Gradients with respect to the policy's `outputs` outputs, the means first, and to the log standard deviations.
     float *by_said, *by_spread;
@@ -48,7 +48,7 @@ FN bool sound(const double* x, int n) {
 }
 FN void zeros(double* x, int n) { for (int k = 0; k < n; k++) x[k] = 0; }
 
-// Adjoint from the state before the next step to the state after step t; needs the policy's adjoint of the next step.
+// Adjoint from the state before step t + 1 to the state after step t; needs the policy's adjoint of step t + 1.
 FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     const long long i = (long long)t * w.n + env, frame = (long long)(t + 1) * STEP_FRAMES;
     double *gradient = b.gradient + (long long)env * 2 * NV, *by_torques = b.by_torques + (long long)env * NJ;
@@ -76,7 +76,7 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
 }
 
 // Adjoint from the torques of a frame to the action of its step; needs the solver's adjoint of the frame. At the first
-// frame of a step also to the policy's outputs.
+// frame of a step, the adjoint goes on to the policy's outputs.
 FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     const bool last = (frame + 1) % STEP_FRAMES == 0, first = frame % STEP_FRAMES == 0;
     const long long i = frame / STEP_FRAMES * w.n + env;
@@ -104,7 +104,7 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     if (!first) return;
     for (int k = 0; k < ACTIONS; k++) {
         const double drawn = b.drawn[i * ACTIONS + k];
-        // At a bound of the action, a gradient that points outside is cut.
+        // Beyond a bound of the action, a gradient whose descent leads farther outside is set to zero.
         const double g = fabs(drawn) > 1 && by_action[k] * drawn < 0 ? 0 : by_action[k];
         b.by_said[i * b.outputs + k] = (float)g;
         b.by_spread[i * ACTIONS + k] = (float)(g * (drawn - b.means[i * ACTIONS + k]));

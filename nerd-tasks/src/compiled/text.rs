@@ -19,7 +19,7 @@ impl std::fmt::Display for Given {
 }
 
 impl Function {
-    /// Text before, between and after the operands; empty between for one operand.
+    /// C text before, between and after the operands. The text between is empty for a function of one operand.
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::Add => ["", " + ", ""],
@@ -40,13 +40,13 @@ impl Function {
     }
 }
 
-/// Link, point and axis as arguments.
+/// Link, point and axis as the arguments of a C call.
 fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
     format!("{link}, {x:e}, {y:e}, {z:e}, {axis}")
 }
 
 impl Tape {
-    /// The nodes as lines of C, and whether these use kinematics or distances.
+    /// The nodes as lines of C, and whether these lines use kinematics or distances.
     fn lines(&self) -> (String, bool) {
         let (mut text, mut asks) = (String::new(), false);
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
@@ -136,13 +136,13 @@ fn back(tape: &Tape, program: &Program, said: &[Given]) -> String {
 }
 
 /// One formula as a C function: its name; its parameters beside the environment; its result; parameters of its
-/// gradient, if it may have one.
+/// gradient. The last is `None` for a function that has no gradient.
 struct Signature<'a>(&'a str, &'a str, &'a str, Option<&'a str>);
 
 /// A task's formulas as C functions: `task_observe`, `task_act`, `task_reward`, `task_terminated` and, with levels,
-/// `task_error`. A constant before each says whether it uses kinematics or distances. With `gradients` also
-/// `task_observe_back`, `task_act_back` and `task_reward_back`: vector-Jacobian products for upstream gradients `by`,
-/// added to the gradients with respect to the state (tangent space), to action and to torques.
+/// `task_error`. A constant before each says whether the function uses kinematics or distances. With `gradients` also
+/// `task_observe_back`, `task_act_back` and `task_reward_back`: vector-Jacobian products for upstream gradients `by`.
+/// These add to the gradients with respect to the state (tangent space), to action and to torques.
 fn functions(task: &Compiled, gradients: bool) -> String {
     let mut text = String::new();
     let mut function = |Signature(name, given, to, backward): Signature, program: &Program, said: &[Given]| {
@@ -179,7 +179,7 @@ fn functions(task: &Compiled, gradients: bool) -> String {
     let reward = Signature("reward", ", const double* torques", "out", Some(", double* by_torques"));
     function(reward, &task.reward, &task.reward.out[..1]);
     function(Signature("terminated", "", "out", None), &task.terminated, &task.terminated.out);
-    // Levels depend on the error.
+    // The levels of a curriculum depend on the error.
     if task.levels().is_some() {
         let error = task.error.out.first().copied().unwrap_or(Given::Known(f64::INFINITY));
         function(Signature("error", "", "out", None), &task.error, &[error]);
@@ -188,11 +188,11 @@ fn functions(task: &Compiled, gradients: bool) -> String {
 }
 
 impl Compiled {
-    /// The task as GPU kernels, for batches within `reach`, with `gradients` including gradients. The text also
-    /// compiles as plain C++.
+    /// Text of the task's GPU kernels, for batches within `reach`; with `gradients` it includes the kernels for
+    /// gradients. The text also compiles as plain C++.
     ///
     /// # Errors
-    /// If the task has plain code, a formula asks for what does not exist, or the robot has no kernels.
+    /// If the task has plain code, a formula reads a quantity that does not exist, or the robot has no kernels.
     pub fn kernels(&self, reach: Reach, gradients: bool) -> Result<String, String> {
         if self.plain().is_some() {
             return Err(format!("task `{}` has plain code (nerd_tasks::Plain), so it stays on the CPU", self.name()));

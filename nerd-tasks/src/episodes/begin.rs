@@ -7,8 +7,9 @@ use super::Episodes;
 use crate::step::{CHUNK, StepResult, episode};
 
 impl Episodes {
-    /// Starts a curriculum over the task's levels ([`crate::Task::levels`]) and restarts all environments at the
-    /// lowest. The level rises after an episode that lasts and succeeds, and falls after a terminated one.
+    /// Starts a curriculum over the task's levels ([`crate::Task::levels`]) and restarts all environments at the lowest
+    /// level. An environment's level rises after an episode that succeeds and does not terminate. The level falls after
+    /// a terminated episode.
     pub fn climb(&mut self) {
         let Some((at, levels)) = self.task.levels() else { return };
         let width = self.task.goal_dim();
@@ -38,7 +39,7 @@ impl Episodes {
         for part in commands.split(',') {
             let Some((name, number)) = part.split_once('=') else { return Err(format!("`{part}` is no NAME=NUMBER")) };
             let (name, number) = (name.trim(), number.trim());
-            // An old name, unless the task has a command of that name.
+            // A command may have its old name, unless the task has a command of that name.
             let place = |name: &str| all.iter().position(|own| own.0 == name);
             let old = place(name)
                 .map_or_else(|| renamed::renamed(Kind::Command, name), |_| None)
@@ -66,8 +67,8 @@ impl Episodes {
         &self.begun
     }
 
-    /// Starts episodes by (environment, number), whether or not the present ones have ended, for example to replay one
-    /// from its start.
+    /// Starts episodes by (environment, number), whether or not the present ones have ended. For example, an episode
+    /// can be replayed from its start.
     ///
     /// # Panics
     /// If an environment does not exist.
@@ -111,7 +112,8 @@ impl Episodes {
         }
     }
 
-    /// Adds up the errors of a step, and updates the level where an episode has ended.
+    /// Adds the errors of a step to the sums in the goals. Updates the level of each environment whose episode has
+    /// ended.
     pub(super) fn rise(&mut self, result: &StepResult) {
         let Some((at, levels)) = self.task.levels() else { return };
         let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);

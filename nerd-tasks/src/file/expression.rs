@@ -11,8 +11,8 @@ use nerd_sim::files::renamed::{self, Kind};
 use super::words::{Facts, Of};
 use crate::formula::{Leaf, Number, Tape, Traced};
 
-/// Limits of a formula: letters, operators, vector length, steps; depth of nesting, without and with the names that it
-/// refers to.
+/// Limits of a formula: letters, operators, numbers in a vector, recorded steps. Then the depth of nesting, without and
+/// with the names of `[let]` that the formula refers to.
 const LETTERS: usize = 2000;
 const SIGNS: usize = 400;
 const LONGEST: usize = 4096;
@@ -26,7 +26,7 @@ pub(super) struct Value<'a> {
     pub of: Of,
 }
 
-/// Kind of formula: `torque` is available in rewards, `action` in `act`.
+/// Kind of formula: `torque` can be read in a reward, and the action to be applied in `act`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Act,
@@ -81,7 +81,7 @@ impl<'a> Reader<'a> {
         Ok(self.value(key, text)?.numbers)
     }
 
-    /// As `Self::read`, for an expression of one number.
+    /// Like `Self::read`, for an expression that must give one number.
     pub fn one(&self, key: &str, text: &str) -> Result<Traced<'a>, String> {
         let numbers = self.read(key, text)?;
         match numbers[..] {
@@ -102,7 +102,7 @@ impl<'a> Reader<'a> {
 
     fn value(&self, key: &str, text: &str) -> Result<Value<'a>, String> {
         let at = |span: proc_macro2::Span, said: &str| {
-            // An error in a [let] name already states its place.
+            // The error of a definition under [let] already states its place.
             if let Some(said) = said.strip_prefix('\0') {
                 return said.into();
             }
@@ -283,7 +283,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Gives an error without a place the place of its function's name.
+/// Places an error without a place in the text at the name of its function.
 fn placed((span, said): (proc_macro2::Span, String), own: proc_macro2::Span) -> (proc_macro2::Span, String) {
     (if span.start().line == 0 || span.start() == proc_macro2::Span::call_site().start() { own } else { span }, said)
 }

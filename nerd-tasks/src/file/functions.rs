@@ -9,7 +9,8 @@ use super::words::{Of, sum};
 use crate::formula::{Leaf, Number, Traced};
 
 impl<'a> Reader<'a> {
-    /// Value of a function. A new one goes into `needed`, `known`, the last match and `docs/tasks.md`.
+    /// Value of the function `name` of `args`. To add a function, extend `needed`, `known`, the last match and
+    /// `docs/tasks.md`.
     pub(super) fn called(&self, name: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if name == "place" || name == "axis" {
@@ -95,8 +96,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// `height_scan(xs, ys)`: ground heights (m) at distances `xs` ahead of a free root and `ys` to its left,
-    /// along its heading. x is the outer index, y the inner.
+    /// `height_scan(xs, ys)`: ground heights (m) at distances (m) `xs` ahead of a free root and `ys` to its left, along
+    /// its heading. The outer index is x, the inner index y.
     fn height_scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if !self.facts.system.robot.floating() {
@@ -116,7 +117,7 @@ impl<'a> Reader<'a> {
     }
 
     /// `place("link")` or `place("link", [x, y, z])`: world position (m). `axis("link", [x, y, z])`: a direction of a
-    /// link in world axes.
+    /// link, in world axes.
     fn place(&self, function: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         let (name, local) = match args {
@@ -157,7 +158,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The numbers, if all are constants.
+/// The numbers of a value, if all are constants.
 fn known(value: &Value) -> Option<Vec<f64>> {
     value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect()
 }

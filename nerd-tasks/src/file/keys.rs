@@ -16,7 +16,7 @@ pub(super) struct Keys {
     pub scene: Option<String>,
     /// Uneven terrain in place of a scene.
     pub terrain: Option<TerrainSpec>,
-    /// Number of levels in training: factors on the terrain's heights.
+    /// Number of levels in training. A level is a factor on the terrain's heights.
     pub levels: Option<usize>,
     /// Frame time (s) [default: the robot's].
     #[serde(default, deserialize_with = "seconds")]
@@ -121,7 +121,7 @@ fn seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> 
         .map_err(|_| D::Error::custom("frame_time: a number of seconds is needed, without quotes"))
 }
 
-/// Text, or a number as text.
+/// Text of an expression. A number is converted to text.
 fn expression(key: &str, value: Value) -> Result<String, String> {
     match value {
         Value::String(text) => Ok(text),
@@ -139,7 +139,7 @@ fn lets<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<String, String>, 
     expressions("let", Table::deserialize(from)?).map_err(D::Error::custom)
 }
 
-/// Ranges of one command, a scalar or a vector.
+/// Ranges of one command: one range for a scalar, one for each number of a vector.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(super) struct Command(pub Vec<Range>);

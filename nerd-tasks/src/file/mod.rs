@@ -1,6 +1,6 @@
 //! Tasks as TOML files: observation, reward and end are expressions over named quantities of a robot, for any robot
-//! that has them. A file is read for one robot to the same record as a task in Rust ([`crate::formula`]). So it runs on
-//! CPU and GPU and has gradients. `docs/tasks.md` lists keys and words.
+//! that has them. A file is read for one robot into the same record of formulas as a task in Rust ([`crate::formula`]).
+//! So a task from a file runs on CPU and GPU and has gradients. `docs/tasks.md` lists keys and words.
 
 mod expression;
 mod functions;

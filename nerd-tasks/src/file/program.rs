@@ -1,11 +1,11 @@
-//! A formula after reading: its recorded steps without unused and duplicate ones.
+//! Reduces a formula after reading: drops recorded steps that are unused or duplicates.
 
 use std::collections::HashMap;
 
 use crate::formula::{Given, Leaf, Node, Program, Tape, Traced};
 
 impl Program {
-    /// The steps of `tape` that `out` depends on.
+    /// The steps of `tape` on which `out` depends, each once.
     pub fn reduced(tape: &Tape, out: &[Traced]) -> Self {
         let (nodes, lists) = (tape.nodes.borrow(), tape.lists.borrow());
         let out: Vec<Given> = out.iter().map(|x| x.given()).collect();
@@ -20,7 +20,7 @@ impl Program {
         ask(&mut used, &out);
         for k in (0..nodes.len()).rev() {
             match nodes[k] {
-                // The torques of a call are consecutive; keep all or none.
+                // The torques of one controller call are consecutive nodes; keep all of them or none.
                 Node::Leaf(Leaf::Controlled { call, i: 0 }) if used[k..k + lists[call].len()].contains(&true) => {
                     used[k..k + lists[call].len()].fill(true);
                     ask(&mut used, &lists[call]);
@@ -54,7 +54,7 @@ impl Program {
         !self.out.is_empty() && self.out.iter().enumerate().all(own)
     }
 
-    /// The largest goal index in use, plus one.
+    /// The largest goal index that the formula reads, plus one; 0 if it reads none.
     pub fn goals(&self) -> usize {
         let read = |node: &Node| if let Node::Leaf(Leaf::Goal(k)) = node { k + 1 } else { 0 };
         self.nodes.iter().map(read).max().unwrap_or(0)

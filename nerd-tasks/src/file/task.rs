@@ -21,12 +21,13 @@ pub struct FileTask {
     system: Arc<System>,
     text: String,
     goal: Vec<[f64; 2]>,
-    /// Names of the goal's leading numbers.
+    /// Names of the goal's leading numbers, the commands.
     names: Vec<String>,
     terms: Vec<String>,
     place: bool,
     keys: Keys,
-    /// Formulas: observation; torques; reward, then its terms; end; error relative to the tolerance.
+    /// Formulas: observation; torques; reward, followed by its terms; end of the episode; error divided by the
+    /// tolerance.
     observe: Program,
     act: Program,
     reward: Program,
@@ -41,12 +42,12 @@ impl FileTask {
     /// name.
     ///
     /// # Errors
-    /// Faults of the text, with key and column; an unknown robot or scene.
+    /// If the text is invalid (the error names key and column), or the robot or scene is unknown.
     pub fn new(name: &str, text: &str, robot: Option<&str>) -> Result<Self, TaskError> {
         let wrong = |said: String| TaskError::File(name.into(), said);
         let (read, mut old) = renamed::toml(Kind::Task, text).map_err(wrong)?;
         let keys: Keys = toml::from_str(&read).map_err(|e| match e.message() {
-            // This error of toml has no useful place.
+            // toml's error for a missing field has no useful place in the text.
             missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => {
                 wrong(missing.into())
             }
@@ -92,7 +93,7 @@ impl FileTask {
                 });
             }
             if key == "reward" {
-                // The terms of a single expression are the names that it refers to.
+                // If the reward is a single expression, its terms are the names of [let] that it refers to.
                 let own = if let [(name, _)] = all
                     && name.is_empty()
                 {
@@ -118,7 +119,7 @@ impl FileTask {
             Terms::Sum(terms) => terms.clone().into_iter().collect(),
         };
         let usual = Some("controlled(action)".to_string());
-        // Check unused names too, each alone.
+        // Check each name of [let] alone, so that unused names are checked too.
         for name in keys.lets.keys() {
             read(Part::Reward, "let", &[(name.clone(), name.clone())], false)?;
         }
@@ -183,8 +184,8 @@ impl FileTask {
     }
 }
 
-/// Ranges of the goal's numbers; the position of each command among them; whether the first three are a `target` to be
-/// displayed.
+/// Ranges of the goal's numbers; the position of each command in the goal; whether the goal's first three numbers are a
+/// `target` to be displayed.
 type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
 
 fn commands(keys: &Keys) -> Commands {
@@ -215,7 +216,7 @@ fn levels(keys: &Keys) -> Result<(), String> {
     }
 }
 
-/// Largest magnitude of a command (SI), and largest number of scalars in all commands.
+/// Largest magnitude of a command (SI units), and largest number of scalars in all commands together.
 const FAR: f64 = 1e6;
 const COMMANDS: f64 = 4096.0;
 
@@ -234,7 +235,7 @@ fn ranges(keys: &Keys) -> Result<(), String> {
     Ok(())
 }
 
-/// Refuses names that are in use, or are not identifiers.
+/// Refuses names of commands, definitions and reward terms that are in use already, or are not identifiers.
 fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Result<(), String> {
     let all = commands.iter().map(|c| (&c.0, "command")).chain(keys.lets.keys().map(|name| (name, "let")));
     let terms = if let Terms::Sum(terms) = &keys.reward { Some(terms.keys()) } else { None };
@@ -243,7 +244,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
         if syn::parse_str::<syn::Ident>(name).is_err() {
             return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
         }
-        // Terms appear only in tables of results.
+        // Names of reward terms appear only in results, so they may equal words.
         if table == "reward" {
             continue;
         }
@@ -259,7 +260,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
     Ok(())
 }
 
-/// Interns a text with static lifetime.
+/// Returns the text with static lifetime; equal texts share one copy, which is never freed.
 fn kept(text: &str) -> &'static str {
     static KEPT: Mutex<Option<HashSet<&'static str>>> = Mutex::new(None);
     let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);

@@ -6,7 +6,7 @@ use nerd_sim::{files::renamed::Renamed, prelude::*, scene::foot};
 
 use crate::formula::{Leaf, Tape, Traced, rotation};
 
-/// Meaning of a vector's elements, which gives them names.
+/// What the elements of a vector belong to: nothing, joints or contact points. The last two can be indexed by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     Numbers,
@@ -18,28 +18,28 @@ pub(super) enum Of {
 pub(super) struct Facts {
     pub system: Arc<System>,
     pub up: Vector3<f64>,
-    /// Whether the terrain is uneven; height of flat ground (m), and of the root's origin above the lowest contact
-    /// point.
+    /// Whether the terrain is uneven; height of flat ground (m); height of the root's origin above the lowest contact
+    /// point (m).
     terrain: bool,
     floor: f64,
     standing: f64,
-    /// Longest side of the bounding box (m).
+    /// Longest side of the robot's bounding box (m).
     size: f64,
-    /// Contact points of feet, and of all other links.
+    /// Indices of the contact points of feet, and of all other contact points.
     pub feet: Vec<usize>,
     pub body: Vec<usize>,
-    /// Time of a step (s).
+    /// Duration of one step of the task (s).
     pub step: f64,
-    /// End of the longest chain of links: link, and position in its axes (m). World positions of this end and of the
-    /// chain's first link (m); length of the chain (m).
+    /// End of the longest chain of links: link index, and position in the link's frame (m). Then the world positions of
+    /// this end and of the chain's first link (m), and the length of the chain (m).
     tool: (usize, [f64; 3]),
     ends: [Vector3<f64>; 2],
     reach: f64,
-    /// Old words found in expressions.
+    /// Renamed words that expressions use by their old name.
     pub old: RefCell<Vec<Renamed>>,
 }
 
-/// A foot's lowest point is at most this share of the standing height above the robot's lowest.
+/// A link is a foot if its lowest point is less than this share of the standing height above the robot's lowest point.
 const STANDS: f64 = 0.1;
 
 impl Facts {
@@ -91,9 +91,9 @@ impl Facts {
         (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
     }
 
-    /// A built-in word; `None` if there is no such word. Words of a free root are refused on a fixed base. A new word
-    /// also goes into [`Self::WORDS`] and `docs/tasks.md`; one of a free root into the list that is refused here, too.
-    /// If contracts should name its quantity, add that to `nerd-train/src/onnx/quantity.rs`.
+    /// Value of a built-in word; `None` for an unknown word. Words about a free root are refused on a fixed base. To
+    /// add a word, extend [`Self::WORDS`] and `docs/tasks.md`. For a word about a free root, extend also the list that
+    /// is refused here. If contracts should name the word's quantity, extend `nerd-train/src/onnx/quantity.rs`.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
@@ -185,12 +185,13 @@ impl Facts {
         Some(Ok(found))
     }
 
-    /// Height of the ground (m) at a distance ahead of a free root and to its left (m), relative to its heading.
+    /// Height of the ground (m) at `at`: distances (m) ahead of a free root and to its left, relative to its heading.
     pub fn ground<'a>(&self, tape: &'a Tape, at: [f64; 2]) -> Traced<'a> {
         if self.terrain { tape.leaf(Leaf::Ground(at)) } else { Traced::from(self.floor) }
     }
 
-    /// All words, except names of a robot's parts, for errors. `expression.rs` has those of actions, time and torque.
+    /// All words, except names of a robot's parts, for errors. `expression.rs` gives the values of the words about
+    /// actions, time and torque.
     pub const WORDS: &str = "q, qd, default_q, low, high, kp, kd, gain, torque_limit, position, quaternion, twist, height, ground, up, forward, \
                              velocity, ang_vel, world_velocity, world_ang_vel, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, default_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";
@@ -201,7 +202,7 @@ impl Facts {
         Some((frame.link?, frame.pose.translation.vector, frame.pose.rotation.to_rotation_matrix().into_inner()))
     }
 
-    /// Indices of a joint by name, or of a link's contact points.
+    /// Indices, in a vector of kind `of`, of the joint `name` or of the contact points of the link `name`.
     pub fn named(&self, name: &str, of: Of) -> Result<Vec<usize>, String> {
         let robot = &self.system.robot;
         let (found, what, known): (Vec<usize>, _, Vec<_>) = match of {
@@ -228,7 +229,7 @@ impl Facts {
     }
 }
 
-/// Velocity of the root's origin (m/s, world axes); the linear part of its twist is about the world's origin.
+/// Velocity of the root's origin (m/s, world axes), from the root's twist, whose linear part is at the world's origin.
 fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
     let (p, [w, v]) = ([0, 1, 2].map(|k| state(tape, k)), [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k))));
     let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];

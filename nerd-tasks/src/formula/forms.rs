@@ -1,4 +1,4 @@
-//! Normal forms of recorded numbers: what a formula is, whatever way it was written.
+//! Normal forms of recorded numbers. A form does not depend on the way the formula was written.
 
 use std::collections::BTreeMap;
 
@@ -7,14 +7,15 @@ use nerd_sim::prelude::*;
 use super::tape::{Given, Leaf, Node, Tape, Traced};
 use super::{Number, number::Function};
 
-/// A polynomial in atoms: coefficients by monomial, a sorted list of atoms. The empty monomial has the constant.
+/// A polynomial in atoms: the coefficient of each monomial, a sorted list of atom indices. The empty monomial has the
+/// constant.
 type Polynomial = BTreeMap<Vec<usize>, f64>;
 
-/// Most terms of a product that is multiplied out.
+/// Largest number of terms up to which a product is multiplied out.
 const MOST: usize = 4096;
-/// Tolerance for equal coefficients, relative to the largest.
+/// Differences of coefficients up to this share of the largest coefficient count as rounding error.
 const ALIKE: f64 = 1e-12;
-/// Coordinate of a free root's quaternion (x y z w) whose square becomes 1 less the other three squares.
+/// Index of the component w of a free root's quaternion in the state. In products `w^2` becomes `1 - x^2 - y^2 - z^2`.
 const W: usize = 6;
 
 /// A quantity that is not expanded further: an input, a function of polynomials, or torque i of the controller.
@@ -25,8 +26,9 @@ enum Atom {
     Controlled(usize, Vec<Polynomial>),
 }
 
-/// Normal forms of everything on a tape: polynomials in inputs and in functions of polynomials, for a normalised
-/// quaternion. Without a `[control]` of the robot, the controller's torques are proportional to actions.
+/// Normal forms of all numbers on a tape: polynomials in inputs and in functions of polynomials. The quaternion of a
+/// free root counts as normalised. For a robot without `[control]`, the controller's torques are proportional to
+/// actions.
 pub struct Forms<'a> {
     system: &'a System,
     atoms: Vec<Atom>,
@@ -49,12 +51,12 @@ impl<'a> Forms<'a> {
         forms
     }
 
-    /// The number, if it is a constant.
+    /// The value of `of`, if it is a constant.
     pub fn constant(&self, of: Traced) -> Option<f64> {
         constant(&self.get(of.given()))
     }
 
-    /// Coefficients c and offset with `of = sum_k c_k by_k + offset`, if there are any.
+    /// Coefficients c and offset with `of = sum_k c_k by_k + offset`, if `of` is linear in `by`.
     pub fn linear(&self, of: Traced, by: &[Traced]) -> Option<(Vec<f64>, f64)> {
         let mut left = self.get(of.given());
         let most = left.values().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -136,7 +138,7 @@ impl<'a> Forms<'a> {
 
     fn controlled(&mut self, i: usize, action: &[Given]) -> Polynomial {
         let action: Vec<Polynomial> = action.iter().map(|a| self.get(*a)).collect();
-        // An action is within the bounds of direct torques already.
+        // An action is in [-1, 1] already, so the bounds of direct torques do not change it.
         let input = |atom: usize| matches!(self.atoms[atom], Atom::Input(Leaf::Action(_)));
         let own = |monomial: &[usize]| matches!(*monomial, [atom] if input(atom));
         let bounded = action[i].len() == 1 && action[i].iter().all(|(monomial, x)| own(monomial) && *x == 1.0);
@@ -161,7 +163,7 @@ fn constant(of: &Polynomial) -> Option<f64> {
     }
 }
 
-/// Adds a term, and keeps no zero.
+/// Adds `x` times a monomial to a polynomial; drops the term if its coefficient becomes zero.
 fn add(all: &mut Polynomial, monomial: Vec<usize>, x: f64) {
     let sum = all.get(&monomial).map_or(x, |own| own + x);
     if sum == 0.0 { _ = all.remove(&monomial) } else { _ = all.insert(monomial, sum) }

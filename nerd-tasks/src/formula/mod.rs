@@ -1,5 +1,5 @@
 //! Formulas on recorded numbers ([`Traced`]) that a [`Sight`] gives. [`crate::Compiled`] evaluates the record on the
-//! CPU, writes it as GPU kernels, and one adjoint sweep over it (`sweep.rs`) gives gradients for both.
+//! CPU and writes it as GPU kernels. One adjoint sweep over the record (`sweep.rs`) gives the gradients for both.
 
 mod forms;
 mod number;

@@ -51,12 +51,12 @@ pub trait Number:
         self.made(Function::Min, other)
     }
 
-    /// Wraps an angle (rad) to [-pi, pi), as [`nerd_core::state::wrap`].
+    /// Wraps an angle (rad) to [-pi, pi), like [`nerd_core::state::wrap`].
     fn wrap(self) -> Self {
         self.made(Function::Wrap, 0.0.into())
     }
 
-    /// 1 if less than `other`, else 0.
+    /// 1 if this number is less than `other`, else 0.
     fn below(self, other: Self) -> Self {
         self.made(Function::Below, other)
     }
@@ -66,7 +66,7 @@ pub trait Number:
         self * self
     }
 
-    /// 1 if either of two conditions (1 or 0) holds.
+    /// 1 if either of two conditions (1 or 0) holds, else 0.
     fn or(self, other: Self) -> Self {
         self.max(other)
     }
@@ -114,12 +114,12 @@ pub enum Function {
     Below,
 }
 
-/// Limit on the derivative of a square root, which is infinite at 0, as for a distance.
+/// Limit on the derivative of a square root, which is infinite at 0, for example for a distance of 0.
 const STEEPEST: f64 = 1e12;
 
 impl Function {
-    /// Derivatives with respect to both arguments, with result y; `None` where the result does not depend on the
-    /// argument. For equal arguments max and min take the first.
+    /// Derivatives of the result y with respect to the arguments a and b; `None` where y does not depend on the
+    /// argument. For equal arguments of max and min, the derivative with respect to the first is 1.
     pub(super) fn gradients<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
         let one = N::from(1.0);
         match self {

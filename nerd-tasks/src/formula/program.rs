@@ -13,12 +13,12 @@ pub(crate) struct Program {
 }
 
 impl Program {
-    /// Everything on a tape, with these results.
+    /// Takes all nodes from a tape, with `out` as results.
     pub fn of(tape: &Tape, out: &[Traced]) -> Self {
         Self { nodes: tape.nodes.take(), lists: tape.lists.take(), out: out.iter().map(|x| x.given()).collect() }
     }
 
-    /// Records the formula anew on `tape`, for these actions and torques.
+    /// Records the formula anew on `tape`, with `action` and `torques` in place of its inputs.
     pub fn replay<'a>(&self, tape: &'a Tape, action: &[Traced<'a>], torques: &[Traced<'a>]) -> Vec<Traced<'a>> {
         let mut all: Vec<Traced> = Vec::with_capacity(self.nodes.len());
         let mut now = 0;
@@ -43,7 +43,7 @@ impl Program {
         self.out.iter().map(|x| traced(&all, x)).collect()
     }
 
-    /// Whether the formula reads numbers of plain code.
+    /// Whether the formula reads numbers that the task computes in plain code ([`crate::Plain`]).
     pub fn plain(&self) -> bool {
         self.nodes.iter().any(|node| matches!(node, Node::Leaf(Leaf::Plain(_))))
     }

@@ -5,7 +5,8 @@ use nerd_sim::prelude::*;
 use super::Number;
 use super::tape::{Leaf, Tape, Traced};
 
-/// One environment, as numbers on a tape. Every access is recorded; its value is known when the tape is evaluated.
+/// One environment, as numbers on a tape. Every number that is read is recorded; its value is known when the tape is
+/// evaluated.
 pub struct Sight<'a> {
     pub(crate) tape: &'a Tape,
     system: &'a System,
@@ -14,7 +15,8 @@ pub struct Sight<'a> {
 }
 
 impl<'a> Sight<'a> {
-    /// A robot's environment, recorded on `tape`; `goals` and `plain` count the task's numbers of either kind.
+    /// A robot's environment, recorded on `tape`. `goals` and `plain` count the task's goal numbers and its numbers
+    /// from plain code.
     pub(crate) fn new(tape: &'a Tape, system: &'a System, goals: usize, plain: usize) -> Self {
         Self { tape, system, goals, plain }
     }
@@ -41,13 +43,14 @@ impl<'a> Sight<'a> {
         self.tape.leaf(Leaf::State(self.system.robot.nq() + k))
     }
 
-    /// Number k of the episode's goal: drawn from [`crate::Task::goal`], of [`crate::Plain`], then of [`crate::Task::memory`].
+    /// Number k of the episode's goal: first those drawn from [`crate::Task::goal`], then those of [`crate::Plain`],
+    /// then those of [`crate::Task::memory`].
     pub fn goal(&self, k: usize) -> Traced<'a> {
         self.tape.among("numbers of the goal", k, self.goals);
         self.tape.leaf(Leaf::Goal(k))
     }
 
-    /// Number k of [`crate::Plain::numbers`]. On the CPU alone, and without gradients.
+    /// Number k of [`crate::Plain::numbers`]. Known on the CPU alone, and without gradients.
     pub fn plain(&self, k: usize) -> Traced<'a> {
         self.tape.among("numbers of plain code", k, self.plain);
         self.tape.leaf(Leaf::Plain(k))
@@ -59,7 +62,8 @@ impl<'a> Sight<'a> {
         [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }))
     }
 
-    /// Distance (m) of a contact point from the scene, radius not subtracted. Order of the robot's `contact_points`.
+    /// Distance (m) of contact point `point` from the scene; the point's radius is not subtracted. `point` counts in
+    /// the order of the robot's `contact_points`.
     pub fn distance(&self, point: usize) -> Traced<'a> {
         self.tape.among("contact points", point, self.system.robot.contact_points.len());
         self.tape.leaf(Leaf::Distance(point))

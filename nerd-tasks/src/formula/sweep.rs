@@ -1,5 +1,5 @@
-//! The adjoint sweep over recorded formulas, for any number type. Plain numbers give gradients; recorded ones give a
-//! program for them.
+//! The adjoint sweep over recorded formulas, for any number type. Plain numbers give gradients; recorded numbers give a
+//! program that computes gradients.
 
 use super::Number;
 use super::tape::{Given, Leaf, Node};
@@ -26,7 +26,7 @@ pub(crate) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(G
     seeds.iter().for_each(|(at, g)| add(&mut by, *at, *g));
     for k in (0..nodes.len()).rev() {
         match (nodes[k], by[k]) {
-            // The torques of a call are consecutive; the sweep reaches the first one (i = 0) last.
+            // The torques of one controller call are consecutive nodes; the sweep reaches the first one (i = 0) last.
             (Node::Leaf(Leaf::Controlled { call, i: 0 }), _) => {
                 let of = &by[k..k + lists[call].len()];
                 if of.iter().any(Option::is_some) {

@@ -1,4 +1,5 @@
-//! Formulas as a record: every operation is a node, the source of values, gradients, program text and contracts.
+//! Formulas as a record: every operation is a node. Values, gradients, program text and contracts are made from the
+//! nodes.
 
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
@@ -18,17 +19,18 @@ pub(crate) enum Leaf {
     Torque(usize),
     /// Entry k of the upstream gradient in an adjoint.
     By(usize),
-    /// World coordinate of a point given in a link's frame.
+    /// World coordinate (m) of a point given in a link's frame (m).
     Place { link: usize, local: [f64; 3], axis: usize },
-    /// Distance of a contact point from the scene.
+    /// Distance (m) of a contact point from the scene, radius not subtracted.
     Distance(usize),
-    /// Height of the ground at a distance ahead of a free root and to its left. Held constant in gradients.
+    /// Height (m) of the ground at distances (m) ahead of a free root and to its left. Held constant in gradients.
     Ground([f64; 2]),
-    /// Number k of the task's plain code.
+    /// Number k that the task computes in plain code.
     Plain(usize),
-    /// Torque i of a controller call.
+    /// Torque i that controller call `call` gives.
     Controlled { call: usize, i: usize },
-    /// Gradient with respect to entry i of the action of a call, from the torques' gradient in list `by`.
+    /// Gradient with respect to entry i of the action of a controller call. List `by` holds the gradient with respect
+    /// to the call's torques.
     Pushed { call: usize, by: usize, i: usize },
 }
 
@@ -45,13 +47,13 @@ pub(crate) enum Node {
     Made(Function, [Given; 2]),
 }
 
-/// The recorded nodes.
+/// The recorded nodes of a formula.
 #[derive(Debug, Default)]
 pub struct Tape {
     pub(crate) nodes: RefCell<Vec<Node>>,
-    /// Actions of controller calls, and gradients with respect to their torques.
+    /// Lists of numbers: the actions of a controller call, or the gradient with respect to its torques.
     pub(crate) lists: RefCell<Vec<Vec<Given>>>,
-    /// The first index out of range, if any.
+    /// Error text for the first index out of range, if any.
     pub(crate) wrong: RefCell<Option<String>>,
 }
 
@@ -85,7 +87,7 @@ impl Tape {
 pub enum Traced<'a> {
     /// A constant.
     Number(f64),
-    /// The value of this node.
+    /// The value of the node with this index on the tape.
     Node(&'a Tape, usize),
 }
 
