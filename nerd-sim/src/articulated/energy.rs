@@ -20,8 +20,8 @@
 //! All other forces dissipate, so a gain is an error of the step. The gain falls with the square of the substep, or the
 //! first power where a point meets or leaves its surface. At edges and between cells of terrain the distance jumps, and
 //! no substep is short enough to avoid a gain. Every frame is checked in scenes with more than planes. Elsewhere a
-//! frame is checked only after an event that may gain energy. Examples are a joint that turns by [`FAST_TURN`] in a
-//! substep, a point or limit that comes or leaves, and solves without convergence. All other frames, and explicit
+//! frame is checked only after an event that may gain energy. Examples are a joint that moves fast
+//! (`fast.rs`), a point or limit that comes or leaves, and solves without convergence. All other frames, and explicit
 //! presets, stay unchanged.
 
 use nerd_core::dynamics::{to_local, velocities};
@@ -43,8 +43,6 @@ pub(super) const MAX_REFINED: usize = 1024;
 /// A frame in contact with terrain is not refined at or above this number of substeps. Between cells a ball's distance
 /// jumps, and no substep is short enough for the energy that its spring gains.
 pub(super) const MAX_REFINED_TERRAIN: usize = 8;
-/// Turn (rad) or travel (m) of a joint in a substep above which the frame's energy is checked.
-pub(super) const FAST_TURN: f64 = 0.015;
 /// Turn (rad) or travel (m) of a joint in a Runge-Kutta substep above which the frame's energy is checked.
 pub(super) const FAST_TURN_RK4: f64 = 0.1;
 

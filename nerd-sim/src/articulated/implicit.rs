@@ -56,7 +56,7 @@ use nerd_core::dynamics::{crba, drift, inertias, to_local, to_world};
 
 use super::spin::{centre, kinematics_about_com};
 use super::touch::{Contact, MEAN_THETA, Touch, spring_theta};
-use super::{config::Asked, energy::FAST_TURN, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use super::{config::Asked, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
@@ -135,8 +135,8 @@ impl Workspace {
         }
         self.touches.add_work(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
-        self.touches.may_gain_energy |=
-            rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > FAST_TURN);
+        let moves = rates.map(|(v, a)| h * v.abs().max((v + h * a).abs()));
+        self.touches.may_gain_energy |= moves.zip(&self.touches.fast_moves).any(|(way, fast)| way > *fast);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
         self.touches.add_forces(h / system.frame_time, &mut self.forces);
         self.touches.keep_wrenches();

@@ -34,6 +34,7 @@ mod config;
 pub mod device;
 mod energy;
 mod explicit;
+mod fast;
 mod find;
 mod fold;
 pub mod force;

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, SVector};
 
-use super::{along::Tree, touch::Touch};
+use super::{along::Tree, fast::fast_moves, touch::Touch};
 use crate::prelude::*;
 
 #[derive(Default)]
@@ -30,6 +30,8 @@ pub(super) struct Touches {
     pub(super) mean_theta: bool,
     /// Whether an event of the frame may have gained energy (`energy.rs`).
     pub(super) may_gain_energy: bool,
+    /// By joint: turn (rad) or travel (m) in a substep above which the frame may gain energy (`energy.rs`).
+    pub(super) fast_moves: Vec<f64>,
     /// Factor on the frame's final velocities that removes gained energy (`energy.rs`).
     pub(super) velocity_factor: f64,
     /// Work (J) of the drives in the frame, and the sum of its absolute values.
@@ -60,6 +62,7 @@ impl Touches {
             damping_used: vec![0.0; joints],
             shares: vec![0.0; joints],
             pull: vec![0.0; joints],
+            fast_moves: fast_moves(robot),
             mass: DMatrix::zeros(nv, nv),
             tree: Tree::new(system),
             middle: vec![0.0; nv],

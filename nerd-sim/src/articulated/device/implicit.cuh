@@ -285,7 +285,8 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
         }
         for_up<0, NV>([&](auto k) {
             const real before = tr.qd[k], after = before + h * w.rate[k];
-            if (k >= DOFS && h * most(size(before), size(after)) > FAST_TURN) w.may_gain_energy = true;
+            if (k >= DOFS && h * most(size(before), size(after)) > FAST_MOVE[k < DOFS ? 0 : k - DOFS])
+                w.may_gain_energy = true;
             tr.qd[k] = after;
         });
         if (forces)

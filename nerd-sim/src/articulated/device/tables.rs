@@ -2,6 +2,7 @@
 
 use nerd_core::dynamics::Factor;
 
+use super::super::fast::fast_moves;
 use super::text::Text;
 use crate::prelude::*;
 use crate::system::capsules::Capsule;
@@ -48,6 +49,7 @@ fn joints(text: &mut Text, robot: &Robot) {
     let limit = |j: &Joint| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping]);
     text.table("real", "LIMIT", robot.joints().flat_map(limit));
     text.table("int", "LIMITED", robot.joints().map(|j| f64::from(j.limit.is_some())));
+    text.table("real", "FAST_MOVE", fast_moves(robot));
     text.table("int", "WRAPS", robot.joints().map(|j| f64::from(j.wraps())));
 }
 
