@@ -171,8 +171,8 @@ impl Locus {
         matches!(self, Self::Fixed)
     }
 
-    /// Position (m, link frame) that faces the surface with outward `normal` (link frame). On a disc: the point at
-    /// angle `turn` if `own`, else the deepest point.
+    /// Position (m, link frame) of the contact point on a surface with outward unit `normal` (link frame). On a disc:
+    /// the rim's point at angle `turn` from the deepest if `own`, else the deepest. On a hull: the deepest vertex.
     fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
         match self {
             Self::Fixed => *middle,

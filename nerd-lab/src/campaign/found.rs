@@ -3,10 +3,12 @@
 use super::Kind;
 use crate::prelude::*;
 
-/// Counts `[refused, accepted, faults]` of each kind, and the faults as (kind, case number, message).
+/// Results of a campaign.
 #[derive(Default)]
 pub struct Found {
+    /// Numbers of cases refused, accepted and at fault, by kind of input.
     pub counts: BTreeMap<Kind, [u64; 3]>,
+    /// Kind of input, case number and message of each fault.
     pub faults: Vec<(Kind, u64, String)>,
 }
 

@@ -12,7 +12,7 @@ const FAST_TRAVEL: f64 = 0.015;
 pub(super) fn fast_moves(robot: &Robot) -> Vec<f64> {
     let slides = |joint: &Joint| joint.kind == JointKind::Prismatic;
     let turns = |link: usize| robot.links[link].joint.as_ref().is_some_and(|joint| !slides(joint));
-    let own = |link: usize| robot.links[link].joint.as_ref().filter(|joint| joint.mimic.is_none());
+    let own = |link: usize| robot.links[link].joint.as_ref().filter(|joint| joint.mimic().is_none());
     let joints = (0..robot.links.len()).filter_map(|link| Some((link, own(link)?)));
     joints
         .map(|(link, joint)| {

@@ -205,6 +205,7 @@ impl Workspace {
             if let Touch::Contact(contact) = touch {
                 let change = moved(contact, columns, tree.as_ref(), &self.data.qdd, h) + contact.turn;
                 let (vn, dn) = (contact.normal.dot(&contact.start), contact.normal.dot(&change));
+                contact.parting = contact.parts(vn, dn);
                 changed |= contact.take_side(vn, dn);
             }
         }

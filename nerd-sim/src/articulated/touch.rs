@@ -53,6 +53,8 @@ pub(super) struct Contact {
     pub(super) theta: [f64; 3],
     /// Damping and its theta while approaching and while parting; the material and `theta` have those in use.
     pub(super) dampers: [[f64; 2]; 2],
+    /// Whether its damping in the frame's first solve was that of parting.
+    pub(super) parting: bool,
     /// Drag c (N s/m).
     pub(super) drag: f64,
     /// Slip offset `s_0` (m/s) with zero drag force: the friction held from the last solve, over the sticking drag.
@@ -228,8 +230,8 @@ impl Contact {
             if pass < BREAKAWAY_SOLVES {
                 next = breaking(normal.max(0.0), slip.norm(), self.drag, m, inertia);
             }
-            // A slip that a force within the cone can stop sticks at once. This is only done in the first solve; later
-            // the points of one body would stick in turns.
+            // If a force within the friction cone can stop the slip, the point sticks at once. Only in the first solve:
+            // later the points of one body would stick in turns.
             if pass == 0 && slip.norm() * (self.drag + inertia) <= m.friction * normal {
                 next = m.friction_damping;
             }

@@ -15,8 +15,8 @@ use super::trial::{Distance, Trial, mean};
 /// half of the budget use a quarter of the trials. All stages of a descent but the last use a quarter, too.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
-    /// Budget in evaluations of the objective. An evaluation of a search counts 1, one of a descent by its share of
-    /// trials and frames.
+    /// Budget in evaluations of the objective. In a search each evaluation counts 1. In a descent it counts its share of
+    /// the trials times its share of the frames, and a round's gradients count as ten evaluations.
     pub evaluations: usize,
     /// Maximum number of trials, evenly chosen.
     pub trials: usize,

@@ -92,7 +92,7 @@ pub(super) enum What {
     Armature(usize),
 }
 
-/// Names without a link or joint.
+/// Names of the parameters that take no `:LINK` or `:JOINT`.
 const PLAIN: &str =
     "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 

@@ -120,7 +120,7 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
         int times = lost ? 2 : may_gain_energy ? refine(w, state, scene, substeps, finest) : 1;
         while (times * substeps > K::most) times /= 2;
         if (times == 1) {
-            // No factor on velocities removes the gain: the frame ends at rest in its first pose.
+            // With a factor of 0 the frame ends at rest in its first pose.
             if (w.velocity_factor == 0) { take(w.tree, state); keeper.begin(true, 0); }
             for (int k = 0; k < NV; k++) w.tree.qd[k] *= w.velocity_factor;
             return done;

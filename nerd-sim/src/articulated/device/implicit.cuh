@@ -186,7 +186,8 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
 #if TURNS
                 for (int k = 0; k < w.points; k++) wind(w.touch[k], w.touch[k].torque * HELD_FACTOR);
 #endif
-                for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
+                for (int k = 0; k < (DRIVEN ? w.touches + DRIVES : w.points); k++)
+                    w.early[k] = w.once ? k < w.points && w.touch[k].parting : DRIVEN && idle(w, k);
             }
             if (all) for_up<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
             if (turns) { w.middle[0] = next.x; w.middle[1] = next.y; w.middle[2] = next.z; }

@@ -134,6 +134,7 @@ BIG bool take_sides(Work& w, real h) {
     for (int k = 0; k < w.points; k++) {
         Touch& t = w.touch[k];
         const V3 change = (ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
+        t.parting = parts(t, dot(t.normal, t.start), dot(t.normal, change), h, w.weight[t.index], w.mean_theta);
         changed = take_side(t, dot(t.normal, t.start), dot(t.normal, change), h, w.weight[t.index], w.mean_theta) || changed;
     }
     return changed;

@@ -1,5 +1,5 @@
-//! Forward passes over a plan's parts, the loss, and sums over rows. A sum goes through partial sums of a fixed number
-//! of blocks, so its order is fixed.
+//! Forward passes over a plan's parts, the loss, and sums over rows. For a sum, each block writes a partial sum and a
+//! second kernel adds these. The number of blocks depends on the sizes alone, so the order of a sum never changes.
 //!
 //! `w` is always the address of the parameters; their scales were folded before ([`Network::fold`]).
 
