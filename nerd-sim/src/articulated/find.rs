@@ -64,7 +64,6 @@ impl Workspace {
                 turn: Vector3::zeros(),
                 theta: [0.0; 3],
                 dampers: [[0.0; 2]; 2],
-                parting: false,
                 drag: 0.0,
                 slip_offset: Vector3::zeros(),
                 slip_offset_start: Vector3::zeros(),

@@ -21,9 +21,6 @@ pub(super) const OFF: f64 = 1e-3;
 /// Tolerated error (rad or m) of that prediction after the second solve; above it the substep is halved.
 pub(super) const LOST: f64 = 1e-2;
 
-/// Most repetitions of a frame's first solve, until each contact's damping suits the velocity that its damper sees.
-pub(super) const SIDE_SOLVES: usize = 4;
-
 /// Settings of the solves of a substep.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
@@ -88,13 +85,6 @@ impl Workspace {
                 }
             }
             self.solve(robot, h, pass > 0)?;
-            // Damping chosen by the sign of the start velocity would make the next state of a resting robot
-            // discontinuous.
-            let mut solves = if first && pass == 0 { SIDE_SOLVES } else { 0 };
-            while solves > 0 && self.take_sides(h) {
-                self.solve(robot, h, true)?;
-                solves -= 1;
-            }
             let changed = self.settle(robot, h, settled, config.friction, pass);
             // A rate found before all drives are within their bounds does not correct the middle velocity.
             let wait = changed && !self.drives.is_empty();
@@ -194,22 +184,6 @@ impl Workspace {
             self.factor.solve(self.data.qdd.as_mut_slice());
         }
         Ok(())
-    }
-
-    /// Gives each contact the damping of approach or of parting, whichever its damper saw in the last solution. Returns
-    /// whether any damping changed.
-    fn take_sides(&mut self, h: f64) -> bool {
-        let Touches { touches, columns, tree, .. } = &mut self.touches;
-        let mut changed = false;
-        for touch in touches.iter_mut() {
-            if let Touch::Contact(contact) = touch {
-                let change = moved(contact, columns, tree.as_ref(), &self.data.qdd, h) + contact.turn;
-                let (vn, dn) = (contact.normal.dot(&contact.start), contact.normal.dot(&change));
-                contact.parting = contact.parts(vn, dn);
-                changed |= contact.take_side(vn, dn);
-            }
-        }
-        changed
     }
 
     /// Updates each touch: drags follow from force and slip at the solution, and a point that would pull has parted.

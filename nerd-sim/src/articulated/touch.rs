@@ -53,8 +53,6 @@ pub(super) struct Contact {
     pub(super) theta: [f64; 3],
     /// Damping and its theta while approaching and while parting; the material and `theta` have those in use.
     pub(super) dampers: [[f64; 2]; 2],
-    /// Whether its damping in the frame's first solve was that of parting.
-    pub(super) parting: bool,
     /// Drag c (N s/m).
     pub(super) drag: f64,
     /// Slip offset `s_0` (m/s) with zero drag force: the friction held from the last solve, over the sticking drag.

@@ -25,8 +25,7 @@ struct Back {
     int steps;
     Kept kept[STEPS];
     int since[WEIGHTS];                 // substep that found a weight
-    // First stage of the first substep, if it had two: whether it was a single solve, rate. Then which contacts part in
-    // a single solve, else which touches are idle.
+    // First stage of the first substep, if it had two: whether it was a single solve, rate, idle touches.
     bool twice, once;
     real guess[NV];
     unsigned early[IDLE];

@@ -37,7 +37,7 @@ struct Keeper {
         b.once = w.once;
         for (int k = 0; k < NV; k++) b.guess[k] = w.twice ? w.guess[k] : 0;
         for (int k = 0; k < IDLE; k++) b.early[k] = 0;
-        for (int n = 0; w.twice && n < (DRIVEN ? w.touches + DRIVES : w.points); n++)
+        for (int n = 0; DRIVEN && w.twice && n < w.touches + DRIVES; n++)
             b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
     }
 };

@@ -186,8 +186,7 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
 #if TURNS
                 for (int k = 0; k < w.points; k++) wind(w.touch[k], w.touch[k].torque * HELD_FACTOR);
 #endif
-                for (int k = 0; k < (DRIVEN ? w.touches + DRIVES : w.points); k++)
-                    w.early[k] = w.once ? k < w.points && w.touch[k].parting : DRIVEN && idle(w, k);
+                for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
             }
             if (all) for_up<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
             if (turns) { w.middle[0] = next.x; w.middle[1] = next.y; w.middle[2] = next.z; }
@@ -199,9 +198,6 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             for_up<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
-        // Damping chosen by the sign of the start velocity would make the next state of a resting robot discontinuous.
-        for (int solves = correct && pass == 0 ? SIDE_SOLVES : 0; solves > 0 && take_sides(w, h); solves--)
-            if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
             // In a chain that whips, the rate of the substep before does not predict this substep's middle velocity.

@@ -51,7 +51,7 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     const real k = t.stiffness, spring = t.theta[0], slide = t.theta[2];
     change = change + t.turn * h;
     const real vn = dot(n, t.start), dn = dot(n, change), released = k * t.release;
-    const bool then_parting = dot(n, t.velocity) >= 0, parting = first ? t.parting : parts(t, vn, dn, h, weight, mean_theta);
+    const bool then_parting = dot(n, t.velocity) >= 0, parting = first ? then_parting : parts(t, vn, dn, h, weight, mean_theta);
     const real d_then = then_parting ? released : t.approach, d = parting ? released : t.approach;
     const real damper = damper_theta(h, d, weight, mean_theta);
     const real normal = -(k * (t.gap + spring * h * dn) + d * (vn + damper * dn));

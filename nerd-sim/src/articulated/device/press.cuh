@@ -125,21 +125,6 @@ BIG bool pressed_along(Work& w, real h) {
     return true;
 }
 
-// Gives each contact the damping of approach or of parting, whichever its damper saw in the last solution. Returns
-// whether any damping changed.
-BIG bool take_sides(Work& w, real h) {
-    Motion twist[NL];
-    if (!ALONG) twists(w.tree, w.qdd, twist);
-    bool changed = false;
-    for (int k = 0; k < w.points; k++) {
-        Touch& t = w.touch[k];
-        const V3 change = (ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
-        t.parting = parts(t, dot(t.normal, t.start), dot(t.normal, change), h, w.weight[t.index], w.mean_theta);
-        changed = take_side(t, dot(t.normal, t.start), dot(t.normal, change), h, w.weight[t.index], w.mean_theta) || changed;
-    }
-    return changed;
-}
-
 // Updates drags, separated contacts and drives at their bounds from w.qdd. Returns whether a new solve is needed.
 BIG bool update_touches(Work& w, real h, real settled, int pass) {
     const bool leaps = pass < BREAKAWAY_SOLVES;

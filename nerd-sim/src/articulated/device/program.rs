@@ -12,7 +12,7 @@ use super::super::energy::{
 };
 use super::super::fold::{MAX_FOLD_DAMPING, MAX_FOLD_STIFFNESS};
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
-use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED, SIDE_SOLVES};
+use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::spin::{FAST_ROOT, MAX_ROOT_TURN_RK4, SPIN_PASSES, SPIN_TOLERANCE};
 use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
 use super::super::stiff::{MAX_RADIUS, MAX_RADIUS_RK4, POWER_STEPS};
@@ -181,7 +181,6 @@ fn sizes(text: &mut Text, system: &System, config: &ArticulatedConfig, reach: Re
         ("MAX_REFINED_TERRAIN", MAX_REFINED_TERRAIN),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
-        ("SIDE_SOLVES", SIDE_SOLVES),
         ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWER_STEPS", POWER_STEPS),

@@ -87,10 +87,8 @@ BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, con
         write3(b.qdd + 3, read3(rate + 3) - turned);
     }
     twists(t, b.qdd, b.quickened);
-    const auto marked = [&](long n) { return (idle[n / 32] >> n % 32 & 1) != 0; };
-    const auto idles = [&](long n) { return !first && marked(n); };
+    const auto idles = [&](int n) { return idle[n / 32] >> n % 32 & 1; };
     const auto law = [&](Touch& touch, Law& law) {
-        if (first) touch.parting = marked(&touch - w.touch);
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
         contact_law(touch, change, w.weight[touch.index], h, first, again, w.mean_theta,

@@ -26,7 +26,6 @@ struct Touch {
     real gyration;                            // squared radius of gyration of the link (m^2)
     V3 turn_offset, turn_offset_start, torque; // turn without torque, now and at the start; torque (turning.rs)
 #endif
-    bool parting;         // of a contact: whether it parts as its damper sees it in the frame's first solve
     bool spring, drive, parted;   // a joint's limit or drive; a drive; a contact that would pull and no longer acts
 };
 
@@ -72,10 +71,9 @@ struct Work {
     Along along;
     Wrench external[FOLDS ? NL : 1];      // forces between links
     real rate[NV], middle[NV], right[NV], qdd[NV];
-    // First stage of the substep, if it had two: rate; whether it was a single solve. Then which contacts part, else
-    // which touches are idle (with drives only).
+    // First stage of the substep, if it had two: rate; whether it was a single solve; idle touches (with drives only).
     real guess[NV];
-    bool twice, once, early[DRIVEN ? MOST + DRIVES : MOST + 1];
+    bool twice, once, early[DRIVEN ? MOST + DRIVES : 1];
 };
 
 // Whether a contact has separated or, for numbers after the touches, a drive is at its bound.

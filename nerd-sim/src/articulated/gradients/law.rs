@@ -59,7 +59,7 @@ impl ContactLaw {
         // Normal velocity at the substep's start, where thetas are chosen.
         let vn_then = n.dot(&contact.velocity);
         let then_parting = vn_then >= 0.0;
-        let parting = if first { contact.parting } else { contact.parts(vn, dn) };
+        let parting = if first { then_parting } else { contact.parts(vn, dn) };
         let [[d_then, _], [d, damper]] = [then_parting, parting].map(|parting| contact.dampers[usize::from(parting)]);
         let k = m.stiffness;
         let normal = -(k * (gap + spring * h * dn) + d * (vn + damper * dn));
