@@ -11,10 +11,9 @@ mod elementwise;
 mod matrix;
 mod neighbours;
 
-use std::ops::AddAssign;
-
 use attend::Attention;
 pub(crate) use attend::Ring;
+pub use elementwise::add;
 use elementwise::normalize;
 use matrix::Matrix;
 
@@ -212,11 +211,6 @@ impl Pass<'_> {
 
 fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| add(x, row));
-}
-
-/// Adds each number to the sum at the same index.
-pub fn add<T: Copy + AddAssign>(sums: &mut [T], numbers: &[T]) {
-    sums.iter_mut().zip(numbers).for_each(|(sum, x)| *sum += *x);
 }
 
 /// A spare buffer, preferably of this length: another would have to be filled first.

@@ -1,5 +1,7 @@
 //! Concatenates each row with the rows of two neighbouring tokens in the window, forward and backward.
 
+use super::elementwise::add;
+
 /// Rows `[x_{k-d} x_k x_{k+d}]`, d = `apart`, for rows of `width`; zeros beyond the ends of windows of `tokens` tokens.
 pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut Vec<f32>) {
     out.resize(3 * x.len(), 0.0);
@@ -23,7 +25,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
         for (k, upstream) in upstream.chunks_exact(3 * width).enumerate() {
             for (other, upstream) in places(k, tokens, apart).into_iter().zip(upstream.chunks_exact(width)) {
                 let Some(other) = other else { continue };
-                super::add(&mut dx[other * width..][..width], upstream);
+                add(&mut dx[other * width..][..width], upstream);
             }
         }
     }
