@@ -69,6 +69,7 @@ impl Workspace {
                 slip_offset_start: Vector3::zeros(),
                 turning,
                 parted: false,
+                creeps: false,
                 force: Vector3::zeros(),
             }));
         }

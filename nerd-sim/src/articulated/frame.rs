@@ -2,6 +2,7 @@
 
 use super::energy::{FAST_TURN_RK4, MAX_REFINED, MAX_REFINED_TERRAIN};
 use super::spin::turns;
+use super::stick::{AT_REST, SUBSTEPS_AT_REST};
 use super::{config::Asked, config::Settings, kept::Kept, stiff::Bounds, workspace::Workspace};
 use crate::drive::servos;
 use crate::prelude::*;
@@ -74,8 +75,9 @@ impl Workspace {
         // contact's spring.
         let mut may_gain_energy = contact && scene.colliders.iter().any(|c| c.plane.is_none());
         let mut finer = Asked { system, scene, config: *config, contact, tau };
+        self.touches.mean_theta = false;
         loop {
-            (self.touches.mean_theta, self.touches.velocity_factor) = (finer.config != *config, 1.0);
+            self.touches.velocity_factor = 1.0;
             let done = self.attempt(&finer, state);
             let lost = done.is_err() || state.iter().any(|x| !x.is_finite());
             may_gain_energy |= self.touches.may_gain_energy;
@@ -92,6 +94,8 @@ impl Workspace {
             } else {
                 (1, 1.0)
             };
+            self.touches.mean_theta |= times > 1;
+            let times = times.max(self.times_at_rest(robot, state, finer.config.contact_substeps));
             if times == 1 {
                 if left == 0.0 {
                     state.copy_from_slice(&self.start);
@@ -105,6 +109,14 @@ impl Workspace {
             finer.config.contact_substeps *= times;
             state.copy_from_slice(&self.start);
         }
+    }
+
+    /// Factor on the substeps of a frame in which a robot at rest creeps; 1 of any other frame.
+    fn times_at_rest(&self, robot: &Robot, state: &[f64], substeps: usize) -> usize {
+        let rates = &state[robot.nq()..];
+        // The twist of a root far from the origin has a large linear part, however slowly it turns.
+        let rests = || rates.iter().enumerate().all(|(k, v)| (3..robot.root_dofs()).contains(&k) || v.abs() < AT_REST);
+        if self.touches.creeps && rests() { SUBSTEPS_AT_REST.div_ceil(substeps) } else { 1 }
     }
 
     /// Prepares materials and memory for a frame; returns whether it may have contact.
@@ -134,7 +146,9 @@ impl Workspace {
         let begin = |own: &mut Self| {
             own.data.external.fill(Wrench::default());
             own.forces.fill(Vector3::zeros());
-            (own.touches.work, own.touches.may_gain_energy) = ((0.0, 0.0), false);
+            own.touches.work = (0.0, 0.0);
+            own.touches.may_gain_energy = false;
+            own.touches.creeps = false;
             own.kept.iter_mut().for_each(Kept::begin);
         };
         begin(self);

@@ -190,7 +190,8 @@ impl Workspace {
     /// Returns whether anything changed.
     fn settle(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> bool {
         let (mut changed, dofs) = (false, robot.root_dofs());
-        let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
+        let Touches { touches, columns, tree, may_gain_energy, creeps, .. } = &mut self.touches;
+        *creeps = false;
         for touch in touches.iter_mut() {
             changed |= match touch {
                 Touch::Contact(contact) if contact.parted => false,
@@ -213,6 +214,7 @@ impl Workspace {
                         );
                     }
                     *may_gain_energy |= contact.parted;
+                    *creeps |= contact.creeps;
                     changed
                 }
                 Touch::Friction(dry) => {

@@ -17,6 +17,12 @@ pub(super) const HELD_FACTOR: f64 = 1.0 + 2.0 / STICK_DRAG;
 /// Breakaway slip, as a fraction of the slip that the force beyond the friction cone would give the contact's own
 /// inertia. With all of that slip, the points of one body would stick and slip in turns.
 pub(super) const BREAKAWAY: f64 = 0.5;
+/// Slip (m/s) at which a sticking contact still creeps, and velocities (rad/s, m/s) below which a robot is at rest. A
+/// frame that creeps at rest takes at least `SUBSTEPS_AT_REST` substeps: each leaves the slip of whole bodies, whose
+/// inertia exceeds a contact's own, a few per cent of what the one before left.
+pub(super) const CREEPS: f64 = 1e-7;
+pub(super) const AT_REST: f64 = 1e-3;
+pub(super) const SUBSTEPS_AT_REST: usize = 4;
 /// Number of a substep's first solves that assume a breakaway slip; in later solves drags converge without it.
 pub(super) const BREAKAWAY_SOLVES: usize = 6;
 

@@ -1,7 +1,7 @@
 //! Touches, the forces of the implicit step that follow from its solution: contacts, limits, dry friction, drives.
 
 use super::force::drag;
-use super::stick::{BREAKAWAY_SOLVES, MIN_INV_MASS, STICK_DRAG, breaking};
+use super::stick::{BREAKAWAY_SOLVES, CREEPS, MIN_INV_MASS, STICK_DRAG, breaking};
 use super::turning::Turning;
 use crate::prelude::*;
 
@@ -62,6 +62,8 @@ pub(super) struct Contact {
     pub(super) turning: Turning,
     /// Whether the point would pull; then it no longer acts.
     pub(super) parted: bool,
+    /// Whether the point sticks and slips by more than `CREEPS`.
+    pub(super) creeps: bool,
     /// Force (N) on the robot in the substep.
     pub(super) force: Vector3<f64>,
 }
@@ -239,6 +241,8 @@ impl Contact {
                 tolerance *= 1.0 + self.drag / inertia;
             }
         }
+        let slips = (slip + self.slip_offset).norm() > CREEPS;
+        self.creeps = slips && friction == Friction::Coulomb && next >= m.friction_damping;
         let changed = self.parted || (next / self.drag - 1.0).abs() > tolerance;
         self.drag = next;
         self.take_side(vn, dn);

@@ -30,6 +30,8 @@ pub(super) struct Touches {
     pub(super) mean_theta: bool,
     /// Whether an event of the frame may have gained energy (`energy.rs`).
     pub(super) may_gain_energy: bool,
+    /// Whether a sticking contact still creeps after the last solve (`stick.rs`).
+    pub(super) creeps: bool,
     /// By joint: turn (rad) or travel (m) in a substep above which the frame may gain energy (`energy.rs`).
     pub(super) fast_moves: Vec<f64>,
     /// Factor on the frame's final velocities that removes gained energy (`energy.rs`).

@@ -95,7 +95,7 @@ fn a_standing_anymal_does_not_creep() {
         let way = (vector(batch.state(0)) - vector(&state)).norm();
         let turn = |q: &[f64]| UnitQuaternion::new_normalize(nalgebra::Quaternion::new(q[6], q[3], q[4], q[5]));
         let turned = turn(&state).angle_to(&turn(batch.state(0)));
-        assert!(way < 1e-4 && turned < 1e-4, "x{substeps}: {way:.1e} m and {turned:.1e} rad in a minute");
+        assert!(way < 1e-5 && turned < 1e-5, "x{substeps}: {way:.1e} m and {turned:.1e} rad in a minute");
     }
 }
 

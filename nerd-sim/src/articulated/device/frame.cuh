@@ -44,8 +44,7 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
                 const K& keeper) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
-    w.may_gain_energy = w.touched = false;
-    w.mean_theta = finer > 1;
+    w.may_gain_energy = w.touched = w.creeps = false;
     w.work = w.effort = 0;
     if (HELD || DRIVEN || touching) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
     for (int k = DOFS; k < NV; k++)
@@ -97,6 +96,13 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
     return times;
 }
 
+// Factor on the substeps of a frame in which a robot at rest creeps; 1 of any other frame.
+FN int times_at_rest(const Work& w, int substeps) {
+    bool rests = w.creeps && substeps < SUBSTEPS_AT_REST;
+    for (int k = 0; k < NV; k++) rests = rests && (k >= 3 && k < DOFS || size(w.tree.qd[k]) < AT_REST);
+    return rests ? (SUBSTEPS_AT_REST + substeps - 1) / substeps : 1;
+}
+
 // Steps the tree, which holds `state`, with more substeps while the frame gains energy. Returns 0, LOST, or 1 + the DoF
 // where the mass matrix is not positive definite.
 template <class K>
@@ -104,6 +110,7 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
               double* forces, const K& keeper) {
     bool may_gain_energy = false, terrain = false;
     ask(w, state, tau, scene, drives);
+    w.mean_theta = false;
     for (int finer = 1;;) {
         const int done = attempt(w, state, tau, scene, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
         bool lost = done != 0;
@@ -118,6 +125,8 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
         if (!WATCHED || lost && substeps >= MAX_REFINED || 2 * substeps > K::most && substeps < finest) return done;
         may_gain_energy = may_gain_energy || w.may_gain_energy;
         int times = lost ? 2 : may_gain_energy ? refine(w, state, scene, substeps, finest) : 1;
+        w.mean_theta = w.mean_theta || times > 1;
+        if (times == 1) times = times_at_rest(w, CONTACT_SUBSTEPS * finer);
         while (times * substeps > K::most) times /= 2;
         if (times == 1) {
             // With a factor of 0 the frame ends at rest in its first pose.

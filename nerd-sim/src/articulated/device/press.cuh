@@ -131,6 +131,7 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
+    w.creeps = false;
     for (int k = 0; k < w.points; k++) {
         Touch& t = w.touch[k];
         if (t.parted) continue;
@@ -148,6 +149,7 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         real next = breaking(most(normal, 0), slips, t.drag, t.friction_damping, t.friction, leaps ? inertia : infinite());
         // If a force within the friction cone stops the slip, the contact sticks at once.
         if (pass == 0 && slips * (t.drag + inertia) <= t.friction * normal) next = t.friction_damping;
+        w.creeps = w.creeps || next >= t.friction_damping && norm(slip + t.slip_offset) > CREEPS;
         const real enough = next > t.drag ? settled * (1 + t.drag / inertia) : settled;
         changed = changed || t.parted || size(next / t.drag - 1) > enough;
         t.drag = next;

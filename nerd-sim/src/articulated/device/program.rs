@@ -14,7 +14,9 @@ use super::super::fold::{MAX_FOLD_DAMPING, MAX_FOLD_STIFFNESS};
 use super::super::implicit::{MAX_HALVINGS, MAX_SPRING_DAMPING};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::spin::{FAST_ROOT, MAX_ROOT_TURN_RK4, SPIN_PASSES, SPIN_TOLERANCE};
-use super::super::stick::{BREAKAWAY, BREAKAWAY_SOLVES, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG};
+use super::super::stick::{
+    AT_REST, BREAKAWAY, BREAKAWAY_SOLVES, CREEPS, HELD_FACTOR, MIN_INV_MASS, STICK_DRAG, SUBSTEPS_AT_REST,
+};
 use super::super::stiff::{MAX_RADIUS, MAX_RADIUS_RK4, POWER_STEPS};
 use super::super::touch::{CREEP, MEAN_THETA};
 use super::super::turning::{MIN_GYRATION, TURN_INERTIA, TURN_STICK_DRAG};
@@ -182,6 +184,7 @@ fn sizes(text: &mut Text, system: &System, config: &ArticulatedConfig, reach: Re
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
         ("BREAKAWAY_SOLVES", BREAKAWAY_SOLVES),
+        ("SUBSTEPS_AT_REST", SUBSTEPS_AT_REST),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWER_STEPS", POWER_STEPS),
     ]);
@@ -218,7 +221,7 @@ fn flags(text: &mut Text, system: &System, reach: Reach, steps: bool) {
 /// Constants of the solver, and fault codes.
 fn constants(text: &mut Text) {
     let constants = named! {
-        SETTLED, CREEP, MAX_RADIUS, MAX_RADIUS_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG,
+        SETTLED, CREEP, MAX_RADIUS, MAX_RADIUS_RK4, STICK_DRAG, HELD_FACTOR, MIN_INV_MASS, BREAKAWAY, TURN_STICK_DRAG, CREEPS, AT_REST,
         TURN_INERTIA, MIN_GYRATION, MAX_SPRING_DAMPING, MAX_FOLD_STIFFNESS, MAX_FOLD_DAMPING, OFF, FAR_OFF,
         MEAN_THETA, GAIN_TOLERANCE, GAIN_TOLERANCE_FREE, WORK_TOLERANCE, FALL_TOLERANCE, FAST_TURN_RK4,
         FAST_ROOT, SPIN_TOLERANCE, MAX_ROOT_TURN_RK4, BARREL

@@ -64,6 +64,7 @@ struct Work {
     real damping_used[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // damping, thetas, torque of the spring
     bool mean_theta;            // whether contacts and limits use theta of the mean over a substep
     bool may_gain_energy;        // whether something happened in the frame that may add energy
+    bool creeps;              // whether a sticking contact creeps after the last solve
     bool touched;             // whether a point touched in the frame
     real velocity_factor;            // factor on velocities at the frame's end (articulated/energy.rs)
     double work, effort;  // of the drives in the frame; sum of its absolute values (J)
