@@ -19,6 +19,8 @@ mod hulls;
 mod lifted;
 #[path = "device/paired.rs"]
 mod paired;
+#[path = "device/resting.rs"]
+mod resting;
 #[path = "device/spinning.rs"]
 mod spinning;
 
