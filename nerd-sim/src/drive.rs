@@ -20,7 +20,7 @@
 //! ```
 
 use crate::scene::{points, up};
-use crate::{internal::*, system::stiffness};
+use crate::{internal::*, robots::derive::stiffness};
 
 /// `tau = kp (target - q) + kd (speed - qd)`, limited to the effort. Beyond the joint's velocity limit
 /// ([`nerd_core::robot::Joint::velocity`]) the drive does not accelerate the joint further.

@@ -21,6 +21,7 @@ pub mod range;
 #[cfg(feature = "rapier")]
 pub mod rapier;
 pub mod rig;
+mod robots;
 #[cfg(feature = "csv")]
 pub mod rollout;
 pub mod sampling;
@@ -34,7 +35,7 @@ pub mod vary;
 
 pub use nerd_core;
 pub use parry3d_f64 as parry;
-pub use system::cable;
+pub use robots::cable;
 
 /// Types and functions that most programs need, including nerd-core's prelude.
 pub mod prelude {

@@ -5,11 +5,11 @@
 //! default softness, or match this crate's contact model as far as MuJoCo allows. Shapes that would need a mesh are
 //! refused.
 
-pub use crate::system::mjcf::is_mjcf;
+pub use crate::robots::mjcf::is_mjcf;
 
 use crate::internal::*;
+use crate::robots::world::inverse_weights;
 use crate::scene::{Meeting, Softness};
-use crate::system::inverse_weights;
 
 /// A system that MJCF cannot represent; one line.
 #[derive(Debug, thiserror::Error)]

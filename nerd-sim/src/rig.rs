@@ -18,7 +18,7 @@
 
 use nerd_core::state::wrap_state;
 
-pub use crate::system::motors::{LATEST, Motors};
+pub use crate::robots::motors::{LATEST, Motors};
 use crate::{internal::*, solver::around, vary::VarySpec};
 
 /// Number of frames whose commanded torques are stored, including the present frame.

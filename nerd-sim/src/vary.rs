@@ -14,8 +14,8 @@
 //! ```
 
 use crate::internal::*;
-use crate::system::motors::Motors;
-pub use crate::system::vary::VarySpec;
+use crate::robots::motors::Motors;
+pub use crate::robots::vary::VarySpec;
 
 /// A system with parameters drawn from the ranges of its `[vary]`, and the drawn numbers in the order of [`columns`].
 /// Without `[vary]`, returns the same system and no numbers.

@@ -1,7 +1,7 @@
 //! A robot in its scene under a solver, with parameters set to given values.
 
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::{articulated::numbers, internal::*, scene::PlaneSpec, system::motors::late};
+use crate::{articulated::numbers, internal::*, robots::motors::late, scene::PlaneSpec};
 
 /// A solver with its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,9 +7,10 @@ use nerd_core::robot::Hull;
 
 use super::start::{MAX_DRAWS, clear_start};
 use super::validate::{RESERVED, check};
-use super::world::{World, soften};
-use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
+use super::{folds::Folds, model::Source};
 use crate::internal::*;
+use crate::robots::world::{World, soften};
+use crate::robots::{derive::stiffen, spec::ContactSpec};
 
 impl System {
     /// Builds a system from a robot and an unchecked specification.

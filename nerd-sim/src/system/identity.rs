@@ -6,8 +6,8 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::motors::Motors;
 use crate::internal::*;
+use crate::robots::motors::Motors;
 use crate::scene::PairLaw;
 
 /// Keys of a specification that [`System::sha256`] skips: they do not affect data, or [`System::robot_sha256`] covers

@@ -3,14 +3,15 @@
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
-use super::derive::{Ground, derived, floats, plain, touch};
 use super::start::{MAX_DRAWS, overlaps};
-use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check, world::World};
+use super::{build::name_columns, model::Source, validate::check};
 use crate::files::{
     read_text,
     renamed::{self, Kind},
 };
-use crate::{internal::*, system::mjcf::Description};
+use crate::robots::derive::{Ground, derived, floats, plain, touch};
+use crate::robots::{cable::CableSpec, spec::mesh_points, world::World};
+use crate::{internal::*, robots::mjcf::Description};
 
 impl System {
     /// A built-in robot or cable by name; by path, the robot of a URDF or MJCF file, or the cable of a TOML

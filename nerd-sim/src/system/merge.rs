@@ -51,7 +51,7 @@ impl Spec {
                         }
                         known.extend(given);
                         let wrong = |e| format!("[[joint]] name = {}: {e}", known["name"]);
-                        super::spec::JointSpec::deserialize(known.clone()).map_err(wrong)?;
+                        crate::robots::spec::JointSpec::deserialize(known.clone()).map_err(wrong)?;
                     }
                     (_, joint) => {
                         let known: Vec<String> = joints.iter().filter_map(name).collect();

@@ -4,10 +4,11 @@ use nerd_core::robot::{Bodies, MeshFile};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
-use super::derive::rotor;
+use super::folds::Folds;
 use super::validate::check;
-use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
+use crate::robots::derive::rotor;
+use crate::robots::{motors::Motors, spec::JointSpec};
 use crate::scene::{GROUND, PlaneSpec, SceneSpec, Surfaces, TerrainSpec, WORLDS, described, world};
 
 /// Name of the scene that [`System::with_terrain`] adds.
@@ -164,7 +165,7 @@ impl System {
 
     /// Whether sensors have noise.
     pub fn noisy(&self) -> bool {
-        self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)
+        self.spec.vary.as_ref().is_some_and(crate::robots::vary::VarySpec::noisy)
     }
 
     /// The specification as TOML: with a line `urdf = ...`, this text can be put beside the robot's file and edited.

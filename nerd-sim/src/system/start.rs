@@ -3,7 +3,7 @@
 use nalgebra::Unit;
 use nerd_core::state::wrap_state;
 
-use super::spec::{RootSpec, RootStart};
+use crate::robots::spec::{RootSpec, RootStart};
 use crate::scene::GROUND;
 use crate::{internal::*, random::direction};
 

@@ -5,7 +5,7 @@
 
 use std::collections::HashSet;
 
-use super::spec::{ContactSpec, ControlSpec, JointSpec, RootSpec, RootStart};
+use crate::robots::spec::{ContactSpec, ControlSpec, JointSpec, RootSpec, RootStart};
 use crate::{internal::*, scene::WORLDS};
 
 /// Maximum number of substeps per frame: for a robot with ten joints, such a frame takes 0.1 s to compute.

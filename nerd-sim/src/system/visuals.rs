@@ -3,9 +3,9 @@
 
 use nerd_core::robot::{Form, Shape, Solid};
 
-use super::derive::vertices;
-use super::mesh::hull::{bounds, faces, few};
 use crate::internal::*;
+use crate::robots::derive::vertices;
+use crate::robots::mesh::hull::{bounds, faces, few};
 
 /// Largest loss of a hull's support function against its mesh, relative to the mesh's size.
 const MAX_SUPPORT_LOSS: f64 = 0.02;

@@ -64,7 +64,7 @@ fn every_key_of_a_robots_file_is_explained() {
     let page = text(root().join("docs/your-robot.md"));
     let sources = files(&root().join("nerd-sim/src"), ".rs");
     let spec: String =
-        sources.iter().filter(|p| p.ends_with("system/spec.rs") || p.ends_with("scene/spec.rs")).map(text).collect();
+        sources.iter().filter(|p| p.ends_with("robots/spec.rs") || p.ends_with("scene/spec.rs")).map(text).collect();
     let keys = spec.lines().filter_map(|line| line.strip_prefix("    pub ")?.split_once(": ")).map(|(key, _)| key);
     let keys: Vec<&str> = keys.filter(|key| key.chars().all(|c| c.is_ascii_lowercase() || c == '_')).collect();
     assert!(keys.len() > 40, "only {} keys found: has the file's form changed?", keys.len());

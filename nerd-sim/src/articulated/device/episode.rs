@@ -6,7 +6,7 @@ use super::records::alone;
 use super::text::{Text, number};
 use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
-use crate::system::motors::LATEST;
+use crate::robots::motors::LATEST;
 use crate::system::start::{MAX_DRAWS, Start, least_clearance};
 
 /// Random numbers of ChaCha8 as the crate `rand` draws them: `chacha8` and `unit`.

@@ -7,7 +7,7 @@
 use super::super::stiff::Bounds;
 use super::text::Text;
 use crate::prelude::*;
-use crate::system::vary::VarySpec;
+use crate::robots::vary::VarySpec;
 
 type Changes = fn(&VarySpec) -> bool;
 

@@ -24,8 +24,8 @@ use super::own::{Own, lifts};
 use super::tables::tables;
 use super::text::{Text, number};
 use crate::prelude::*;
+use crate::robots::motors::{LATEST, WAVES};
 use crate::system::capsules::BARREL;
-use crate::system::motors::{LATEST, WAVES};
 
 /// Constants with their names.
 macro_rules! named {

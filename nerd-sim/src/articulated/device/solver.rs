@@ -8,8 +8,8 @@ use super::motion::{BLOCK, Motion};
 use super::program::{Reach, Real, has_kernels, program};
 use super::roll::OnDevice;
 use crate::prelude::*;
+use crate::robots::motors::LATEST;
 use crate::solver::device::{Back, Held, Trail, failed};
-use crate::system::motors::LATEST;
 
 /// [`super::super::Articulated`] on a GPU, one thread per environment. Steps the same frames, for any robot.
 ///

@@ -41,7 +41,7 @@ pub struct VarySpec {
     /// Position of each joint where its sensor reads 0 (rad or m).
     pub zero: Option<Range>,
     /// No-load speed of each joint's motor (rad/s or m/s). The motor's torque falls linearly from
-    /// [`super::JointSpec::torque_limit`] at zero velocity to zero at this speed.
+    /// [`super::spec::JointSpec::torque_limit`] at zero velocity to zero at this speed.
     pub top_speed: Option<Range>,
     /// Amplitude of each joint's torque ripple (N m or N). Analytic solvers do not model ripple, and no learned model
     /// is conditioned on ripple.

@@ -3,9 +3,9 @@
 use toml::{Table, Value};
 
 use crate::internal::*;
+use crate::robots::mjcf::Description;
 use crate::scene::GROUND;
 use crate::scene::{SceneSpec, Surfaces, flat, up, world};
-use crate::system::mjcf::Description;
 
 /// Least cosine between the up axis and the normal of a plane that counts as ground.
 const MIN_UP_COSINE: f64 = 0.1;

@@ -7,7 +7,7 @@ use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::Node;
 
 use super::xml::document;
-use crate::system::mesh::file::{MAX_DEPTH, MAX_NODES, MAX_VERTICES};
+use crate::robots::mesh::file::{MAX_DEPTH, MAX_NODES, MAX_VERTICES};
 
 /// The vertices (m).
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {

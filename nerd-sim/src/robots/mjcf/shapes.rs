@@ -88,7 +88,7 @@ pub(super) fn solid(geom: &Geom, model: &Model) -> Option<(Form, Isometry3<f64>)
         Type::Box => ShapeKind::Box { half: geom.size.into() },
         Type::Ellipsoid => {
             let size = Vector3::new(a, b, c);
-            let vertices = crate::system::mesh::around(ELLIPSOID_VERTICES).map(|n| n.component_mul(&size)).collect();
+            let vertices = crate::robots::mesh::around(ELLIPSOID_VERTICES).map(|n| n.component_mul(&size)).collect();
             return Some((Form::Hull(vertices), geom.pose));
         }
         Type::Plane | Type::HeightField | Type::Sdf => return None,

@@ -13,8 +13,8 @@ use super::{
     srdf::{ZERO, pose_of},
     stance::bend,
 };
-use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
-use crate::{internal::*, scene::foot, system::mjcf::Description};
+use crate::robots::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
+use crate::{internal::*, robots::mjcf::Description, scene::foot};
 
 /// Penetration of contacts at rest, as a share of the robot's extent. Four contacts carry the weight of a robot with a
 /// free base, one contact that of a robot with a fixed base.

@@ -1,7 +1,7 @@
 //! The specification of a robot of which only links and joints are known.
 
 use crate::internal::*;
-use crate::system::spec::{ContactSpec, JointSpec, StartSpec, mesh_points};
+use crate::robots::spec::{ContactSpec, JointSpec, StartSpec, mesh_points};
 
 pub(crate) fn between(low: f64, high: f64) -> Range {
     Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }

@@ -62,7 +62,7 @@ fn listed(e: &Element) -> Result<Heights, UrdfError> {
 
 #[cfg(feature = "meshes")]
 fn read(file: &Path) -> Result<Heights, String> {
-    crate::system::mesh::heights(file)
+    crate::robots::mesh::heights(file)
 }
 
 #[cfg(not(feature = "meshes"))]

@@ -7,7 +7,7 @@ use nalgebra::{Rotation3, UnitVector3};
 use nerd_core::contact::across;
 
 use crate::internal::*;
-use crate::system::mesh::hull::{SUPPORT_DIRECTIONS, allowance, around, bounds, few};
+use crate::robots::mesh::hull::{SUPPORT_DIRECTIONS, allowance, around, bounds, few};
 
 /// Indices of at most `most` points. First come the extreme points toward the corners of the bounding box, lower ones
 /// first. Then follow further points, each the farthest from all points chosen before. A sole with an ankle thus keeps

@@ -6,7 +6,7 @@ use nerd_core::contact::across;
 
 use super::spread::{SHARP_RADIUS, partition, reach};
 use crate::internal::*;
-use crate::system::mesh::hull::{allowance, cover, farthest, few};
+use crate::robots::mesh::hull::{allowance, cover, farthest, few};
 
 /// Largest relative difference of a wheel's radius between directions.
 const MAX_RADIUS_DIFFERENCE: f64 = 0.02;

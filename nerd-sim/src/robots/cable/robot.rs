@@ -1,7 +1,7 @@
 //! Builds the chain of rods of a cable.
 
 use super::spec::{CableSpec, Support};
-use crate::{internal::*, system::derive::rounded};
+use crate::{internal::*, robots::derive::rounded};
 
 /// Ratio of damping to stiffness (s) if no damping is given. Leads, hoses and ropes lose a bend quickly, and an
 /// undamped chain of springs would oscillate with growing amplitude.

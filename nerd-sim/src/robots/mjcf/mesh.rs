@@ -96,7 +96,7 @@ impl Model {
 
 #[cfg(feature = "meshes")]
 fn read(file: &Path) -> Result<Triangles, String> {
-    crate::system::mesh::triangles(file)
+    crate::robots::mesh::triangles(file)
 }
 
 #[cfg(not(feature = "meshes"))]

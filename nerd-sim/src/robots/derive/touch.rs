@@ -6,7 +6,7 @@ use nerd_core::robot::Hull;
 use super::spread::{SHARP_RADIUS, endless, partition};
 use super::{vertices, wheel::wheel};
 use crate::internal::*;
-use crate::system::mesh::hull::{corners, hull};
+use crate::robots::mesh::hull::{corners, hull};
 
 /// Adds contact points to a robot read from the file `path`. Collision meshes and hulls of a link that share a surface
 /// get at most `points`; meshes are skipped if `path` is unknown. A wheel gets rims.
@@ -51,9 +51,9 @@ mod tests {
     use nerd_core::robot::{Bodies, Form, Solid};
 
     use super::*;
-    use crate::system::derive::{listed, plain, spread::enough};
-    use crate::system::model::Source;
-    use crate::system::world::World;
+    use crate::robots::derive::{listed, plain, spread::enough};
+    use crate::robots::world::World;
+    use crate::system::Source;
 
     /// A cube of 0.2 m centred on its body's frame, 0.4 m below its joint, as two hulls of different surfaces: lower
     /// and upper half.

@@ -1,8 +1,8 @@
 //! `[cable]` of a TOML, and the default specification of a cable.
 
 use crate::internal::*;
-use crate::system::derive::{between, listed, plain, rounded};
-use crate::system::spec::{RootSpec, RootStart, StartSpec};
+use crate::robots::derive::{between, listed, plain, rounded};
+use crate::robots::spec::{RootSpec, RootStart, StartSpec};
 
 /// Maximum number of rods: a dense mass matrix then takes a gigabyte.
 const MAX_RODS: f64 = 3000.0;

@@ -63,7 +63,7 @@ impl World {
 
 /// Sets stiffness and damping of a robot's contacts from its file, as multiples of the values of `material`. A contact
 /// point that carries its share of the weight at `state` then has the same penetration as in MuJoCo.
-pub(super) fn soften(
+pub(crate) fn soften(
     surfaces: &mut Surfaces,
     robot: &Robot,
     state: &[f64],

@@ -22,7 +22,7 @@ pub(super) enum MassOf {
 pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: MassOf) -> Option<BodyInertia> {
     let hull;
     let (vertices, faces) = if of == MassOf::Hull || faces.is_empty() {
-        hull = crate::system::mesh::faces(vertices)?;
+        hull = crate::robots::mesh::faces(vertices)?;
         (&hull.0[..], &hull.1[..])
     } else {
         (vertices, faces)

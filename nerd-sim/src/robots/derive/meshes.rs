@@ -10,8 +10,8 @@ use serde_ply::PlyReader;
 
 use super::{collada, gltf};
 use crate::internal::*;
-use crate::system::mesh::file::{MAX_VERTICES, bytes_of};
-use crate::system::mesh::stl;
+use crate::robots::mesh::file::{MAX_VERTICES, bytes_of};
+use crate::robots::mesh::stl;
 
 /// Vertices of the mesh `file` named by a URDF, in the mesh's own frame (m), scaled along its axes by `scale`.
 pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {

@@ -7,7 +7,7 @@ use gltf::{Gltf, Mesh, Node, buffer::Source};
 use nalgebra::{Matrix4, Point3};
 
 use crate::internal::*;
-use crate::system::mesh::file::{MAX_DEPTH, MAX_FILE_SIZE, MAX_NODES, MAX_VERTICES, bytes_of};
+use crate::robots::mesh::file::{MAX_DEPTH, MAX_FILE_SIZE, MAX_NODES, MAX_VERTICES, bytes_of};
 
 /// The vertices (m); buffers are found relative to `path`, the file.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {

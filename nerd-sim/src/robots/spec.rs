@@ -5,7 +5,7 @@ use serde::Deserializer;
 
 use crate::range::{exactly, number};
 use crate::scene::{SceneSpec, is_zero};
-use crate::{internal::*, system::vary::VarySpec};
+use crate::{internal::*, robots::vary::VarySpec};
 
 /// A robot's TOML file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
