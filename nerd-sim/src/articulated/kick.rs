@@ -36,7 +36,8 @@ impl Workspace {
     /// Computes `rate`, the rate of change of local velocities over h, from the forces at the substep's middle. `false`
     /// if the substep is too long to find its middle velocity.
     pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
-        let (Substep { h, settled, .. }, Asked { system, scene, config, tau, .. }) = (*own, *own.asked);
+        let Substep { h, settled, .. } = *own;
+        let Asked { system, scene, config, tau, .. } = *own.asked;
         let robot = &system.robot;
         let dofs = robot.root_dofs();
         let Touches { touches, shares, mass, tree, .. } = &mut self.touches;
@@ -47,12 +48,17 @@ impl Workspace {
             }
         }
         let spins = Spin::of(robot, &self.data, (h, settled), qd);
-        let (mut turn, mut spin) = (Vector3::zeros(), None);
+        let mut turn = Vector3::zeros();
+        let mut spin = None;
         // A root that turns fast may gain energy, as a joint may.
         self.touches.may_gain_energy |= spins.is_some();
         let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
-        let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) =
-            (true, true, first, false, false, true);
+        let mut all = true;
+        let mut stale = true;
+        let mut correct = first;
+        let mut corrected = false;
+        let mut quiet = false;
+        let mut found = true;
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();
         }
@@ -189,7 +195,8 @@ impl Workspace {
     /// Updates each touch: drags follow from force and slip at the solution, and a point that would pull has parted.
     /// Returns whether anything changed.
     fn settle(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> bool {
-        let (mut changed, dofs) = (false, robot.root_dofs());
+        let mut changed = false;
+        let dofs = robot.root_dofs();
         let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
         for touch in touches.iter_mut() {
             changed |= match touch {
@@ -251,7 +258,8 @@ fn moved(
 /// Adds a contact's force to `data.qdd`, and its resistance `h D` to the lower triangle of `data.mass`.
 #[inline]
 fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
-    let (n, (force, along, across)) = (&contact.normal, contact.push(h));
+    let n = &contact.normal;
+    let (force, along, across) = contact.push(h);
     for (i, a) in columns {
         data.qdd[*i] += a.dot(&force);
         // h D a
@@ -265,7 +273,8 @@ fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], 
 /// Adds torques of torsional and rolling friction to `data.qdd`, and their resistance to the lower triangle of
 /// `data.mass`.
 fn press_turns(robot: &Robot, data: &mut Data, contact: &Contact, h: f64) {
-    let (turning, n) = (&contact.turning, &contact.normal);
+    let turning = &contact.turning;
+    let n = &contact.normal;
     let torque = turning.resists(n, &(turning.spin - turning.turn_offset));
     let Data { dof, axis, qdd, mass, .. } = data;
     for (i, a) in turns(robot, (dof, axis), contact.link) {

@@ -189,7 +189,8 @@ impl FileTask {
 type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
 
 fn commands(keys: &Keys) -> Commands {
-    let (mut goal, mut places) = (Vec::new(), Vec::new());
+    let mut goal = Vec::new();
+    let mut places = Vec::new();
     let target = |name: &String| name == "target";
     for (name, command) in
         keys.command.iter().filter(|c| target(c.0)).chain(keys.command.iter().filter(|c| !target(c.0)))

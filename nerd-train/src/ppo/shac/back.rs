@@ -41,8 +41,11 @@ impl Frames<'_> {
     /// before it. Returns gradients with respect to torques. In place of an excluded environment, the solver steps a
     /// copy of another one.
     fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
-        let (n, robot) = (self.batch.len(), &self.batch.system.robot);
-        let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
+        let n = self.batch.len();
+        let robot = &self.batch.system.robot;
+        let d = robot.state_dim();
+        let joints = robot.joint_count();
+        let wide = 2 * robot.nv();
         loop {
             let gone = |env: usize| self.without[env] || self.lost[env];
             let Some(sound) = (0..n).find(|env| !gone(*env)) else {
@@ -81,19 +84,30 @@ pub(super) fn back(
     value: &Policy,
     config: &PpoConfig,
 ) -> Result<Found> {
-    let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
-    let (task, scale) = (&episodes.task, 1.0 / config.steps() as f64);
+    let n = episodes.len();
+    let h = config.horizon;
+    let frames = episodes.task.frames() as usize;
+    let task = &episodes.task;
+    let scale = 1.0 / config.steps() as f64;
     let Simulation { batch: now, solver } = &mut episodes.simulation;
-    let (batch, system) = (now.clone(), now.system.clone());
+    let batch = now.clone();
+    let system = now.system.clone();
     let mut way =
         Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
-    let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
-    let (width, a, goals) = (policy.shape.inputs(), policy.shape.action, task.goal_dim());
+    let d = system.robot.state_dim();
+    let joints = system.robot.joint_count();
+    let wide = 2 * system.robot.nv();
+    let width = policy.shape.inputs();
+    let a = policy.shape.action;
+    let goals = task.goal_dim();
     let (actor, critic) = (policy.network(), value.network());
-    let (shares, trace) = (shares(&steps.ends, n, config.gamma), &steps.trace);
+    let shares = shares(&steps.ends, n, config.gamma);
+    let trace = &steps.trace;
     let (mut behind, mut by_torques, mut by_action) = (vec![0.0; n * wide], vec![0.0; n * joints], vec![0.0; n * a]);
     let mut works = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect_vec();
-    let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
+    let mut by_actions = vec![0.0; h * n * a];
+    let mut earned = 0.0;
+    let mut cut = steps.cut.len() / width;
     let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
         let (gradients, torques, actions) = parts;
         let chunks = gradients
@@ -114,7 +128,8 @@ pub(super) fn back(
         View { state: &trace.states[(k * n + env) * d..][..d], goal, scene: &scenes[env] }
     };
     for t in (0..h).rev() {
-        let (ends, last) = (&steps.ends[t * n..][..n], (t + 1) * frames - 1);
+        let ends = &steps.ends[t * n..][..n];
+        let last = (t + 1) * frames - 1;
         // Environments with a bootstrap value after this step.
         let asked = (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect_vec();
         cut -= ends.iter().filter(|end| **end == TRUNCATED).count();
