@@ -53,7 +53,10 @@ impl ContactLaw {
     /// are the stage's; its material is `material` scaled to a part of the substep.
     pub(super) fn of(contact: &Contact, at: &At, material: &Material, change: &Vector3<f64>) -> Self {
         let At { h, weight: w, friction, first, mean_theta } = *at;
-        let (n, m, gap, [spring, _, slide]) = (&contact.normal, &contact.material, contact.gap, contact.theta);
+        let n = &contact.normal;
+        let m = &contact.material;
+        let gap = contact.gap;
+        let [spring, _, slide] = contact.theta;
         let change = change + contact.turn;
         let (vn, dn) = (n.dot(&contact.start), n.dot(&change));
         // Normal velocity at the substep's start, where thetas are chosen.
@@ -140,7 +143,8 @@ impl ContactLaw {
             + own * across
             - by_normal * (change * (k * spring * h + d * damper) + contact.start * d).transpose()
             + by_vn * contact.velocity.transpose();
-        let (c, mut by_begun) = (m.friction_damping, Matrix3::zeros());
+        let c = m.friction_damping;
+        let mut by_begun = Matrix3::zeros();
         // The slip offset is the held force over the sticking drag.
         let mut by_stick = by_drag + by_slip * contact.slip_offset / c;
         if speed_then > 0.0 {
@@ -194,7 +198,10 @@ impl JointLaw {
     /// and damping before they are scaled to the part of the substep beyond the limit; `None` for a drive.
     pub(super) fn spring(spring: &Spring, at: &At, whole: Option<[f64; 2]>, change: f64) -> Self {
         let At { h, weight: w, mean_theta, .. } = *at;
-        let (k, d, gap, [theta, damper]) = (spring.stiffness, spring.damping, spring.gap, spring.theta);
+        let k = spring.stiffness;
+        let d = spring.damping;
+        let gap = spring.gap;
+        let [theta, damper] = spring.theta;
         let change = spring.side * change;
         let (mut by_k, mut by_d) = (-(gap + theta * h * change), -(spring.rate + damper * change));
         let (mut by_gap, mut by_rate, mut by_weight) = (-k, -d, 0.0);
