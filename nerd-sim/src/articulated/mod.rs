@@ -21,7 +21,7 @@
 //! | force and next drag, after a solve | `settle` in `touch.rs` | `update_touches` in `press.cuh` |
 //! | torsional and rolling friction | `turning.rs` | `touch.cuh`, `press.cuh`, where `TURNS` |
 //! | self-collision | `fold.rs` | `fold.cuh` |
-//! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
+//! | derivatives | `gradients/law.rs`, `gradients/contact_law.rs`, `gradients/turn.rs` | `law.cuh` |
 //!
 //! Two places compute a joint's own forces. `explicit.rs` (`accelerate`) computes them for explicit substeps.
 //! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` compute them for implicit

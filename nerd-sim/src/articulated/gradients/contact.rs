@@ -3,7 +3,7 @@
 use nerd_core::dynamics::Adjoint;
 
 use super::super::touch::Contact;
-use super::law::ContactLaw;
+use super::contact_law::ContactLaw;
 use super::laws::Place;
 use super::numbers::{GRAVITY, MATERIAL, NORMAL, OFFSET};
 use super::row::Row;

@@ -5,7 +5,8 @@ use nalgebra::DMatrix;
 use super::super::kept::{Stage, Step};
 use super::super::touch::{Contact, Touch};
 use super::super::{find::above, kick::turns, workspace::Workspace};
-use super::law::{At, ContactLaw, JointLaw};
+use super::contact_law::ContactLaw;
+use super::law::{At, JointLaw};
 use super::turn::TurnLaw;
 use crate::prelude::*;
 

@@ -2,6 +2,8 @@
 //! substeps are differentiated from the last to the first.
 
 mod contact;
+mod contact_force;
+mod contact_law;
 mod explicit;
 mod inv_mass;
 mod law;

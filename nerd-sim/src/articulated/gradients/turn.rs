@@ -4,7 +4,8 @@ use super::super::force::Drag;
 use super::super::stick::STICK_DRAG;
 use super::super::touch::{Contact, inside};
 use super::super::turning::TURN_STICK_DRAG;
-use super::law::{At, ContactLaw, part_gradients};
+use super::contact_law::ContactLaw;
+use super::law::{At, part_gradients};
 use crate::prelude::*;
 
 /// Torque (N m) of torsional and rolling friction on the link, and its derivatives.
