@@ -13,7 +13,7 @@ pub(super) struct ContactLaw {
     pub(super) by_change: Matrix3<f64>,
     /// Derivatives of the force with respect to `J qd` (m/s), and to `J_dot qd` (m/s^2).
     pub(super) by_velocity: Matrix3<f64>,
-    pub(super) by_by_speed: Matrix3<f64>,
+    pub(super) by_bend: Matrix3<f64>,
     /// Derivatives of the force with respect to the gap (m) at the middle, and to w.
     pub(super) by_gap: Vector3<f64>,
     pub(super) by_weight: Vector3<f64>,

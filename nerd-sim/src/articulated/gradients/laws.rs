@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::super::kept::{Stage, Step};
 use super::super::touch::{Contact, Touch};
-use super::super::{find::above, kick::turns, workspace::Workspace};
+use super::super::{find::above, press::turns, workspace::Workspace};
 use super::contact_law::ContactLaw;
 use super::law::{At, JointLaw};
 use super::turn::TurnLaw;

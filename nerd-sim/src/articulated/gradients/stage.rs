@@ -7,7 +7,7 @@ use super::super::kept::{Stage, Step};
 use super::super::spin::{SPIN_PASSES, Spin};
 use super::super::stick::HELD_FACTOR;
 use super::super::touch::Touch;
-use super::super::{find::above, kick::turns, memory::Memory, workspace::Workspace};
+use super::super::{find::above, memory::Memory, press::turns, workspace::Workspace};
 use super::contact::Acting;
 use super::laws::{Law, Place};
 use super::numbers::{ARMATURE, FRICTION, GRAVITY};
