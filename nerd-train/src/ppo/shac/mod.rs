@@ -16,7 +16,9 @@
 //! Therefore a gradient that points back inside the bounds passes the clamp (Hausknecht and Stone 2016).
 
 mod back;
+mod behind;
 mod critic;
+mod frames;
 mod steps;
 mod through;
 
