@@ -184,7 +184,8 @@ impl Locus {
                 middle - (up * cos + axis.cross(&up) * sin) * *radius
             }
             Self::Hull { vertices, .. } => {
-                let (mut least, mut deepest) = (f64::INFINITY, middle);
+                let mut least = f64::INFINITY;
+                let mut deepest = middle;
                 for vertex in vertices.iter() {
                     let height = normal.dot(vertex);
                     if height < least {

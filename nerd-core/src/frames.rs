@@ -17,7 +17,8 @@ use crate::prelude::*;
 
 /// Velocity of a floating root in its body axes: angular velocity (rad/s), and velocity of the root's origin (m/s).
 pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
-    let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
+    let x = vector(&state[..3]);
+    let r = quaternion(&state[3..7]);
     let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
     [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
 }
@@ -58,7 +59,9 @@ impl RootFrame {
         if !robot.floating() {
             return;
         }
-        let (p, r, v) = (vector(&state[..3]), quaternion(&state[3..7]), robot.nq());
+        let p = vector(&state[..3]);
+        let r = quaternion(&state[3..7]);
+        let v = robot.nq();
         let (w, nu) = (vector(&state[v..]), vector(&state[v + 3..]));
         out[..3].copy_from_slice(self.point(&p).as_slice());
         write_quaternion(&mut out[3..7], &(self.rotation.inverse() * r));
@@ -72,7 +75,9 @@ impl RootFrame {
         if !robot.floating() {
             return;
         }
-        let (p, r, v) = (vector(&state[..3]), quaternion(&state[3..7]), robot.nq());
+        let p = vector(&state[..3]);
+        let r = quaternion(&state[3..7]);
+        let v = robot.nq();
         let w = self.rotation * vector(&state[v..]);
         let nu = self.origin.cross(&w) + self.rotation * vector(&state[v + 3..]);
         out[..3].copy_from_slice((self.origin + self.rotation * p).as_slice());

@@ -9,14 +9,18 @@ use crate::{dynamics::onto, frames::own_velocity, prelude::*, state::wrap_state}
 
 /// Writes to `out` the state that is `change[2 nv]` away from `state`. To first order this inverts [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
-    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
     out.copy_from_slice(state);
     for i in 0..nv - dofs {
         out[coords + i] += change[dofs + i];
         out[nq + dofs + i] += change[nv + dofs + i];
     }
     if robot.floating() {
-        let (r, [a, b]) = (quaternion(&state[3..7]), own_velocity(state, nq));
+        let r = quaternion(&state[3..7]);
+        let [a, b] = own_velocity(state, nq);
         let x = vector(state) + r * vector(&change[3..]);
         let turned = r * UnitQuaternion::from_scaled_axis(vector(change));
         let w = turned * (a + vector(&change[nv..]));
@@ -33,7 +37,10 @@ pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
 /// a rotation (twice the vector part of `a^-1 b`, rad), a translation (m) and differences of velocities. Each velocity
 /// is in the body axes of its own state.
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
-    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
     let mut out = vec![0.0; 2 * nv];
     for (i, joint) in robot.joints().enumerate() {
         let turned = b[coords + i] - a[coords + i];
@@ -41,7 +48,8 @@ pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
         out[nv + dofs + i] = b[nq + dofs + i] - a[nq + dofs + i];
     }
     if robot.floating() {
-        let (r, (turn, sign)) = (quaternion(&a[3..7]), turned(a, b));
+        let r = quaternion(&a[3..7]);
+        let (turn, sign) = turned(a, b);
         let ([a0, a1], [b0, b1]) = (own_velocity(a, nq), own_velocity(b, nq));
         let parts = [turn * (2.0 * sign), r.inverse_transform_vector(&(vector(b) - vector(a)))];
         out[..6].iter_mut().zip(parts.iter().flatten()).for_each(|(o, x)| *o = *x);
@@ -58,7 +66,9 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gr
     let plain = (first..nv).chain(nv..2 * nv);
     plain.for_each(|k| gradient[k] += upstream[k]);
     if robot.floating() {
-        let (from, to, (turn, sign)) = (quaternion(&a[3..7]), quaternion(&b[3..7]), turned(a, b));
+        let from = quaternion(&a[3..7]);
+        let to = quaternion(&b[3..7]);
+        let (turn, sign) = turned(a, b);
         let real = (from.inverse() * to).w * sign;
         let (by_turn, by_way) = (vector(upstream), vector(&upstream[3..]));
         let parts: [Vector3<f64>; 2] =
@@ -70,13 +80,18 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], gr
 /// Converts `by`, the gradient with respect to the numbers `[q, qd]` of a state, to the tangent space. Adds the result
 /// to `gradient[2 nv]`. Uses `w = R a` and `v = R b + x cross w`.
 pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f64]) {
-    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
     for i in 0..nv - dofs {
         gradient[dofs + i] += by[coords + i];
         gradient[nv + dofs + i] += by[nq + dofs + i];
     }
     if robot.floating() {
-        let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
+        let x = vector(state);
+        let r = quaternion(&state[3..7]);
+        let [a, b] = own_velocity(state, nq);
         let (by_w, by_v) = (vector(&by[nq..]), vector(&by[nq + 3..]));
         let [by_x, by_a, by_b] =
             [vector(by) + (r * a).cross(&by_v), by_w + by_v.cross(&x), by_v].map(|g| r.inverse_transform_vector(&g));
@@ -90,14 +105,20 @@ pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], gradient: &mut [f6
 /// to the numbers `[q, qd]`. The quaternion part is tangent to the unit sphere, as for a function that does not depend
 /// on the quaternion's norm.
 pub fn by_numbers(robot: &Robot, state: &[f64], gradient: &[f64]) -> Vec<f64> {
-    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
     let mut out = vec![0.0; nq + nv];
     out[coords..nq].copy_from_slice(&gradient[dofs..nv]);
     out[nq + dofs..].copy_from_slice(&gradient[nv + dofs..]);
     if robot.floating() {
-        let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
+        let x = vector(state);
+        let r = quaternion(&state[3..7]);
+        let [a, b] = own_velocity(state, nq);
         let [by_turn, by_way, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| vector(&gradient[at..]));
-        let (w, by_v) = (r * a, r * by_b);
+        let w = r * a;
+        let by_v = r * by_b;
         let twist = r.into_inner() * Quaternion::from_imag(by_turn - a.cross(&by_a) - b.cross(&by_b)) * 2.0;
         out[..3].copy_from_slice((r * by_way + by_v.cross(&w)).as_slice());
         out[3..7].copy_from_slice(twist.coords.as_slice());
@@ -124,7 +145,9 @@ pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], gradient:
     let mut along = vec![0.0; robot.nv()];
     onto(robot, data, loads, &mut along);
     if robot.floating() {
-        let (r, x, [moment, force]) = (data.rotation[0], data.position[0], [0, 3].map(|at| vector(&along[at..])));
+        let r = data.rotation[0];
+        let x = data.position[0];
+        let [moment, force] = [0, 3].map(|at| vector(&along[at..]));
         let parts = [r.tr_mul(&(moment - x.cross(&force))), r.tr_mul(&force)];
         along.iter_mut().zip(parts.iter().flatten()).for_each(|(a, part)| *a = *part);
     }

@@ -67,7 +67,8 @@ impl<V: AsRef<[f64]>> LocalVelocity<V> {
     /// Advances the coordinates of a state `[q, qd]` by `time` (s) at this velocity, and stores this velocity in the
     /// state. Angles are not wrapped.
     pub fn advance(&self, robot: &Robot, state: &mut [f64], time: f64) {
-        let (own, (q, qd)) = (self.0.as_ref(), state.split_at_mut(robot.nq()));
+        let own = self.0.as_ref();
+        let (q, qd) = state.split_at_mut(robot.nq());
         drift(robot, q, own, time);
         qd.copy_from_slice(own);
         to_world(robot, q, qd);

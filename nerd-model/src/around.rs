@@ -28,8 +28,9 @@ impl Around {
     /// after the frame (tangent space). Adds the direct part with respect to the state before the frame to
     /// `gradient[2 nv]`.
     pub fn outputs_back(&self, before: &[f64], outputs: &[f32], upstream: &[f64], gradient: &mut [f64]) -> Vec<f32> {
-        let (robot, time, prediction) =
-            (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
+        let robot = &self.system.robot;
+        let time = self.system.frame_time;
+        let prediction = self.change(outputs).collect::<Vec<_>>();
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
         if self.form.base == Base::Trapezoid {
             trapezoid::carry(robot, time, before, &mut change, 1.0);

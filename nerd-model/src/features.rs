@@ -48,7 +48,9 @@ impl Features {
     /// Features of `system` in a form.
     pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
-        let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
+        let data = Data::new(&system.robot);
+        let near = vec![0.0; d];
+        let far = vec![0.0; d];
         let form = form.into();
         let told = if form.told { Told::new(system) } else { Told::default() };
         let mut new =
@@ -192,7 +194,8 @@ impl Features {
 
     /// Writes the velocity of each contact point (m/s, world axes) to `velocities`.
     fn move_points(&mut self, state: &[f64], contacts: &[ContactEvent]) {
-        let (robot, data) = (&self.system.robot, &mut self.data);
+        let robot = &self.system.robot;
+        let data = &mut self.data;
         let (q, qd) = robot.split(state);
         // For a fixed base, `frame` has already computed the kinematics.
         if robot.floating() {

@@ -44,7 +44,9 @@ impl Frame {
 
     /// Finds the contacts of an environment and writes its normalised token.
     fn look(&mut self, batch: &Batch, torques: &[f64], env: usize, token: &mut [f32]) {
-        let (robot, scene, state) = (&batch.system.robot, &batch.scenes[env], batch.state(env));
+        let robot = &batch.system.robot;
+        let scene = &batch.scenes[env];
+        let state = batch.state(env);
         let joints = robot.joint_count();
         self.events.clear();
         if !robot.contact_points.is_empty() {
@@ -75,9 +77,12 @@ impl Frame {
         (rows, grad_next): (usize, &[f64]),
     ) -> Gradients {
         let robot = &batch.system.robot;
-        let (joints, wide, d) = (robot.joint_count(), 2 * robot.nv(), robot.state_dim());
+        let joints = robot.joint_count();
+        let wide = 2 * robot.nv();
+        let d = robot.state_dim();
         let inputs = self.around.normalizer.inputs.mean.len();
-        let (mut tokens, mut seen) = (vec![0.0; count * inputs], Vec::with_capacity(count));
+        let mut tokens = vec![0.0; count * inputs];
+        let mut seen = Vec::with_capacity(count);
         for (env, token) in (first..).zip(tokens.chunks_exact_mut(inputs)) {
             self.look(batch, torques, env, token);
             seen.push(self.events.clone());
@@ -97,7 +102,8 @@ impl Frame {
             let by_outputs: Vec<f32> = by_outputs.collect();
             let by_tokens = network.backward_to_tokens(1, &by_outputs, &mut self.memory);
             for (i, (by, contacts)) in by_tokens.chunks_exact(inputs).zip(&seen).enumerate() {
-                let (env, gradient) = (first + i, &mut found.states[at(i)]);
+                let env = first + i;
+                let gradient = &mut found.states[at(i)];
                 let by = self.around.token_back(
                     batch.state(env),
                     (contacts, batch.scenes[env].gravity),

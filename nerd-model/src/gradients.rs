@@ -41,7 +41,9 @@ pub struct Seen<'a> {
 pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, gradient: &mut [f64]) {
     let Seen { state, contacts, gravity, view, frame_time } = seen;
     let moving = *view == View::Moving;
-    let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let joints = robot.joint_count();
     let mut rest = by_token;
     let mut take = |n: usize| {
         let (now, later) = rest.split_at(n);
@@ -72,7 +74,8 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
         let (q, qd) = robot.split(state);
         velocities(robot, &qd.to_local(robot, q).0, data);
     }
-    let (r, o) = (data.rotation[0], data.origin + data.position[0]);
+    let r = data.rotation[0];
+    let o = data.origin + data.position[0];
     let mut loads = vec![Wrench::default(); robot.links.len()];
     // Gradients with respect to rotation and translation of the root frame (body axes).
     let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
@@ -92,7 +95,8 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
         let by_p1 = r * by_place;
         let mut by_depth = depths[k];
         if moving {
-            let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
+            let at = event.p0 - data.origin;
+            let by_speed = three(speeds, k);
             let velocity = data.velocity[point.link].at(&at);
             let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
             let [now, later] =
@@ -116,7 +120,8 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     let by_gravity = three(take(3), 0);
     for link in 1..if moving { loads.len() } else { 0 } {
         for (column, by) in data.rotation[link].column_iter().zip([take(3), take(3)]) {
-            let (axis, by) = (column.into_owned(), vector(by));
+            let axis = column.into_owned();
+            let by = vector(by);
             turn += by.cross(&r.tr_mul(&axis));
             loads[link].ang += axis.cross(&(r * by));
         }
@@ -151,7 +156,10 @@ pub fn apply_back(
     gradient: &mut [f64],
     by_change: &mut [f64],
 ) {
-    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
     for i in 0..nv - dofs {
         by_change[coords + i] = upstream[dofs + i];
         by_change[nq + dofs + i] = upstream[nv + dofs + i];
@@ -162,7 +170,8 @@ pub fn apply_back(
         return;
     }
     let [a, b] = own_velocity(state, nq);
-    let (d, raw) = (vector(change), raw_quaternion(&change[3..]));
+    let d = vector(change);
+    let raw = raw_quaternion(&change[3..]);
     let n = UnitQuaternion::from_quaternion(raw);
     let part = |all: &[f64], at: usize| vector(&all[at..]);
     let spin = a + part(change, nq);

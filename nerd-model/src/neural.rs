@@ -36,8 +36,12 @@ pub struct Neural {
 impl Neural {
     /// A solver with `model`, evaluated by `network`.
     pub fn new(model: Model, network: Box<dyn Stream>) -> Self {
-        let (frames, tokens, newest) = (Vec::new(), Vec::new(), Vec::new());
-        let (predictions, next, faults) = (Vec::new(), Vec::new(), Vec::new());
+        let frames = Vec::new();
+        let tokens = Vec::new();
+        let newest = Vec::new();
+        let predictions = Vec::new();
+        let next = Vec::new();
+        let faults = Vec::new();
         Self { model, network, frames, tokens, newest, predictions, next, faults, gradients: None }
     }
 
@@ -88,7 +92,8 @@ impl Solver for Neural {
         self.check(batch, torques)?;
         self.begin(batch)?;
         self.forget(batch);
-        let (before, network) = (&*batch, self.model.config.network);
+        let before = &*batch;
+        let network = self.model.config.network;
         let aside = &self.faults;
         let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
         chunks.for_each(|(i, (tokens, frame))| frame.tell(before, torques, aside, i * CHUNK, tokens));
@@ -118,7 +123,8 @@ impl Solver for Neural {
         if !self.faults.is_empty() {
             return Err(StepError::Environments(std::mem::take(&mut self.faults)));
         }
-        let (found, wanted) = (grad_next.len(), batch.len() * rows * 2 * batch.system.robot.nv());
+        let found = grad_next.len();
+        let wanted = batch.len() * rows * 2 * batch.system.robot.nv();
         if found != wanted {
             return Err(StepError::Solver(format!("{found} numbers of gradients, {wanted} are needed")));
         }

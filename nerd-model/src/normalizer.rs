@@ -36,7 +36,9 @@ impl Moments {
     /// Moments of rows `[trajectory][frame][width]`, each weighted by the number of windows of `history` tokens that
     /// contain it.
     pub fn of(rows: &[f32], width: usize, frames: usize, history: usize) -> Self {
-        let (mut total, mut mean, mut square) = (0.0, vec![0.0; width], vec![0.0; width]);
+        let mut total = 0.0;
+        let mut mean = vec![0.0; width];
+        let mut square = vec![0.0; width];
         for (i, row) in rows.chunks_exact(width).enumerate() {
             let f = i % frames;
             let weight = (f + 1).min(frames - f).min(history).min(frames + 1 - history) as f64;

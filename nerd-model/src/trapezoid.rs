@@ -13,14 +13,17 @@ use crate::prelude::*;
 
 /// Rotation vector (rad) and translation (m) of a free root over a frame at its mean velocities, in body axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
-    let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
+    let nq = robot.nq();
+    let [a, b] = own_velocity(state, robot.nq());
     [(a + vector(&change[nq..]) * 0.5) * time, (b + vector(&change[nq + 3..]) * 0.5) * time]
 }
 
 /// Sets the scale of position corrections to the scale of velocity changes times the frame time. So the tiny correction
 /// of smooth motion uses no capacity of the network.
 pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
-    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    let nq = robot.nq();
+    let coords = robot.root_coords();
+    let dofs = robot.root_dofs();
     let of = |velocity: usize, share: f64| (share * time, nq + velocity);
     // A rotation's quaternion changes by half its angle.
     let root = [of(3, 1.0), of(4, 1.0), of(5, 1.0), of(0, 0.5), of(1, 0.5), of(2, 0.5), of(0, 0.5)];
@@ -33,7 +36,9 @@ pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
 
 /// Converts a prediction to the change of the state, in place (`sign` 1), or back (-1).
 pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
-    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    let nq = robot.nq();
+    let coords = robot.root_coords();
+    let dofs = robot.root_dofs();
     for i in 0..robot.joint_count() {
         change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
     }
@@ -49,7 +54,10 @@ pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: 
 /// prediction on return. Adds the gradient with respect to the state (tangent space, [`crate::gradients`]) to
 /// `gradient[2 nv]`.
 pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], gradient: &mut [f64]) {
-    let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());
+    let nq = robot.nq();
+    let nv = robot.nv();
+    let coords = robot.root_coords();
+    let dofs = robot.root_dofs();
     for i in 0..robot.joint_count() {
         gradient[nv + dofs + i] += time * by[coords + i];
         by[nq + dofs + i] += 0.5 * time * by[coords + i];
@@ -57,8 +65,10 @@ pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mu
     if !robot.floating() {
         return;
     }
-    let (u, by_way) = (carried(robot, time, state, prediction)[0], vector(by));
-    let (e, by_turn) = (UnitQuaternion::from_scaled_axis(u).into_inner(), raw_quaternion(&by[3..]));
+    let u = carried(robot, time, state, prediction)[0];
+    let by_way = vector(by);
+    let e = UnitQuaternion::from_scaled_axis(u).into_inner();
+    let by_turn = raw_quaternion(&by[3..]);
     let by_own = e.conjugate() * by_turn;
     let twist = (by_own * raw_quaternion(&prediction[3..]).conjugate()).imag() * 0.5;
     // With respect to the rotation vector: the transposed right Jacobian of exp.

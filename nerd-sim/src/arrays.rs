@@ -40,7 +40,8 @@ impl Arrays {
             tensors(path, &used)
         };
         let (arrays, names) = all.map_err(wrong)?;
-        let (mut columns, mut shape) = (Vec::new(), None);
+        let mut columns = Vec::new();
+        let mut shape = None;
         for name in wanted {
             let part = |(array, at)| Some((array, arrays.get(array)?, Some(at)));
             let whole = arrays.get(*name).map(|array| (name.as_str(), array, None));
@@ -147,12 +148,15 @@ fn npz(path: &Path, most: u64, used: &dyn Fn(&str) -> bool) -> Result<Found, Str
     crate::files::is_file(path).map_err(|e| e.to_string())?;
     let file = File::open(path).map_err(|e| e.to_string())?;
     let mut zip = zip::ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| e.to_string())?;
-    let (mut arrays, mut names, mut left) = (BTreeMap::new(), Vec::new(), most);
+    let mut arrays = BTreeMap::new();
+    let mut names = Vec::new();
+    let mut left = most;
     for k in 0..zip.len() {
         let mut entry = zip.by_index(k).map_err(|e| e.to_string())?;
         let Some(name) = entry.name().strip_suffix(".npy").map(String::from) else { continue };
         if used(&name) {
-            let (size, mut bytes) = (entry.size(), Vec::new());
+            let size = entry.size();
+            let mut bytes = Vec::new();
             if size > left {
                 return Err(format!("array `{name}` {}", too_large(size, left)));
             }

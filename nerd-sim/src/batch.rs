@@ -77,8 +77,10 @@ impl Batch {
 
     /// Refuses a batch whose public fields have inconsistent lengths.
     pub fn check(&self) -> Result<(), String> {
-        let (n, d) = (self.scenes.len(), self.system.robot.state_dim());
-        let (joints, points) = (self.system.robot.joint_count(), self.system.robot.contact_points.len());
+        let n = self.scenes.len();
+        let d = self.system.robot.state_dim();
+        let joints = self.system.robot.joint_count();
+        let points = self.system.robot.contact_points.len();
         for (field, found, needed, each) in [
             ("drives", self.drives.len(), n * joints, "one a joint of each"),
             ("forces", self.forces.len(), n * points, "one a contact point of each"),
@@ -141,7 +143,8 @@ impl Batch {
     /// # Panics
     /// If there is no such environment, or the length of `state` is not [`nerd_core::robot::Robot::state_dim`].
     pub fn reset(&mut self, env: usize, state: &[f64]) {
-        let (robot, found) = (&self.system.robot, state.len());
+        let robot = &self.system.robot;
+        let found = state.len();
         assert!(
             found == robot.state_dim(),
             "a state of {found} numbers; [q, qd] has {} and {}",
@@ -154,14 +157,16 @@ impl Batch {
 
     /// Position (rad or m) and velocity (rad/s or m/s) of a joint.
     pub fn joint(&self, env: usize, name: &str) -> Result<[f64; 2], UnknownName> {
-        let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
+        let at = self.system.robot.joint(name)?;
+        let nq = self.system.robot.nq();
         Ok([self.state(env)[at.q], self.state(env)[nq + at.qd]])
     }
 
     /// Sets position and velocity of a joint. From a position beyond a joint limit, the limit's spring pushes back. In
     /// a running simulation, also call [`crate::solver::Solver::reset`].
     pub fn set_joint(&mut self, env: usize, name: &str, [position, velocity]: [f64; 2]) -> Result<(), UnknownName> {
-        let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
+        let at = self.system.robot.joint(name)?;
+        let nq = self.system.robot.nq();
         let state = self.state_mut(env);
         (state[at.q], state[nq + at.qd]) = (position, velocity);
         Ok(())

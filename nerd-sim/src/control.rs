@@ -65,7 +65,8 @@ impl Controller {
     /// # Panics
     /// If `state`, `action` or `out` have other sizes than the system.
     pub fn torques(&mut self, state: &[f64], action: &[f64], out: &mut [f64]) {
-        let (joints, found) = (self.system.robot.joint_count(), action.len());
+        let joints = self.system.robot.joint_count();
+        let found = action.len();
         assert!(found == joints && out.len() == joints, "one action and one torque a joint");
         if self.system.spec.control.is_none() {
             for ((tau, joint), a) in out.iter_mut().zip(self.system.joint_specs()).zip(action) {
@@ -92,7 +93,8 @@ impl Controller {
             }
             return;
         };
-        let (h, predicted) = (system.frame_time, self.look(state, action));
+        let h = system.frame_time;
+        let predicted = self.look(state, action);
         let free = |i: usize| if self.law(i).abs() <= self.torque_limit(i) { by[i] } else { 0.0 };
         // Gradients with respect to predicted position error and velocity. The solve with `stable_pd` maps both to the
         // present state.
@@ -117,7 +119,8 @@ impl Controller {
     /// the end of the frame.
     fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
         let Self { system, gains, servo, stable_pd, wraps, gaps } = self;
-        let (robot, h) = (&system.robot, system.frame_time);
+        let robot = &system.robot;
+        let h = system.frame_time;
         let (q, qd) = state.split_at(robot.nq());
         let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
         let Some(law) = &system.spec.control else { return false };
@@ -141,7 +144,8 @@ impl Controller {
 
     /// Torque of the PD law on joint `i`, before the torque limit.
     fn law(&self, i: usize) -> f64 {
-        let ([kp, kd], [gap, speed]) = (self.gains[i], self.gaps[i]);
+        let [kp, kd] = self.gains[i];
+        let [gap, speed] = self.gaps[i];
         kp * gap - kd * speed
     }
 
@@ -172,7 +176,8 @@ impl StablePd {
         gains: &[[f64; 2]],
         gaps: &[[f64; 2]],
     ) -> Option<&[f64]> {
-        let (robot, h) = (&system.robot, system.frame_time);
+        let robot = &system.robot;
+        let h = system.frame_time;
         let dofs = robot.root_dofs();
         self.state.copy_from_slice(state);
         let (q, qd) = self.state.split_at_mut(robot.nq());

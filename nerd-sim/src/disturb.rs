@@ -57,7 +57,8 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
         return false;
     }
     episode.set_word_pos(u128::from(PUSHES + frame / every) * WORDS_PER_BLOCK);
-    let (size, angle) = (size.draw(&mut episode), TAU * episode.random::<f64>());
+    let size = size.draw(&mut episode);
+    let angle = TAU * episode.random::<f64>();
     let [one, other] = level(system);
     let change = one * (size * angle.cos()) + other * (size * angle.sin());
     state[system.robot.nq() + 3..].iter_mut().zip(change.iter()).for_each(|(v, by)| *v += by);
@@ -74,7 +75,9 @@ pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaC
 
 /// Adds sensor noise to a state.
 pub(crate) fn blur(system: &System, state: &mut [f64], rng: &mut impl Rng) {
-    let (robot, size, per) = (&system.robot, system.motors.noise, 1.0 / system.frame_time);
+    let robot = &system.robot;
+    let size = system.motors.noise;
+    let per = 1.0 / system.frame_time;
     let (q, qd) = state.split_at_mut(robot.nq());
     if robot.floating() && system.motors.root_noise != [0.0; 2] {
         let mut apart = |size: f64| Vector3::from_fn(|_, _| size * normal(rng));

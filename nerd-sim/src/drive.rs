@@ -70,7 +70,8 @@ impl Drive {
 /// efforts of the URDF. Without gravity, g is Earth's.
 pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let robot = &system.robot;
-    let (up, points) = (up(&system.gravity()), points(robot, state));
+    let up = up(&system.gravity());
+    let points = points(robot, state);
     let [low, high] = points
         .iter()
         .map(|p| up.dot(p))
@@ -116,7 +117,8 @@ pub(crate) fn servos(system: &System, state: &[f64], tau: &[f64], drives: &mut V
 /// Vector-Jacobian product of [`servos`]: from gradients `by` `[joint][target, speed]` to the gradients with respect to
 /// `tau` and to the state in its tangent space. Sets `by_tau` on joints with gains and adds to `by_state`.
 pub(crate) fn servos_back(system: &System, by: &[[f64; 2]], by_state: &mut [f64], by_tau: &mut [f64]) {
-    let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
+    let nv = system.robot.nv();
+    let dofs = system.robot.root_dofs();
     for (i, (spec, [target, speed])) in system.joint_specs().zip(by).enumerate() {
         if spec.kp > 0.0 {
             by_tau[i] = target / spec.kp;

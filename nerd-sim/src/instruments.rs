@@ -105,7 +105,8 @@ impl<S: Solver> Shaken<S> {
 impl<S: Solver> Solver for Shaken<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         self.solver.step(batch, torques)?;
-        let (mut rng, robot) = (stream(self.seed, self.frame), &batch.system.robot);
+        let mut rng = stream(self.seed, self.frame);
+        let robot = &batch.system.robot;
         self.frame += 1;
         for state in batch.states.chunks_exact_mut(robot.state_dim()) {
             state[robot.nq()..].iter_mut().for_each(|v| *v += self.noise * normal(&mut rng));
@@ -166,7 +167,8 @@ pub struct Glide;
 impl Solver for Glide {
     fn step(&mut self, batch: &mut Batch, _torques: &[f64]) -> Result<(), StepError> {
         let mut next = batch.states.clone();
-        let (d, time) = (batch.system.robot.state_dim(), batch.system.frame_time);
+        let d = batch.system.robot.state_dim();
+        let time = batch.system.frame_time;
         next.chunks_exact_mut(d).for_each(|state| glide(&batch.system, state, time));
         commit(batch, &mut next, &mut Vec::new())
     }

@@ -219,7 +219,8 @@ impl Own<'_> {
         base: &Isometry3<f64>,
         before: &[(usize, Isometry3<f64>)],
     ) {
-        let (robot, link) = (self.robot, &self.robot.links[i]);
+        let robot = self.robot;
+        let link = &self.robot.links[i];
         let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
         let mut children = (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i));
         let nothing = link.inertia.mass == 0.0
@@ -283,7 +284,8 @@ impl Own<'_> {
             );
         }
         for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
-            let (place, radius) = (numbers(at.as_slice()), point.radius.max(MIN_SIZE));
+            let place = numbers(at.as_slice());
+            let radius = point.radius.max(MIN_SIZE);
             *text += &format!(
                 "<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n",
                 meets(point.surface)
@@ -302,7 +304,8 @@ fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     };
     let at = place.translation.vector;
     let at = if at.amax() == 0.0 { String::new() } else { format!(" pos=\"{}\"", numbers(at.as_slice())) };
-    let (axis, limit) = (numbers(axis.as_slice()), joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight)));
+    let axis = numbers(axis.as_slice());
+    let limit = joint.limit.as_ref().map_or_else(String::new, |l| limit(l, weight));
     let name = escape(&joint.name);
     let Joint { armature, damping, friction, stiffness, rest, .. } = joint;
     let mut forces = format!("armature=\"{armature}\" damping=\"{damping}\" frictionloss=\"{friction}\"");
@@ -346,7 +349,8 @@ fn limit(limit: &Limit, weight: f64) -> String {
 
 /// `(M^-1)_ii` of each joint at zero coordinates: the inverse inertia by which MuJoCo scales a joint's constraints.
 fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
-    let (mut data, mut factor) = (Data::new(robot), Factor::new(robot));
+    let mut data = Data::new(robot);
+    let mut factor = Factor::new(robot);
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
     crba(robot, &mut data);
     if !factor.refill(&data.mass) {
@@ -369,7 +373,9 @@ fn softness(material: &Material, inverse: f64) -> String {
 }
 
 fn inertial(link: &Link) -> String {
-    let (mass, com, i) = (link.inertia.mass, numbers(link.inertia.com.as_slice()), &link.inertia.inertia);
+    let mass = link.inertia.mass;
+    let com = numbers(link.inertia.com.as_slice());
+    let i = &link.inertia.inertia;
     let inertia = numbers(&[i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]]);
     format!("<inertial mass=\"{mass}\" pos=\"{com}\" fullinertia=\"{inertia}\"/>\n")
 }

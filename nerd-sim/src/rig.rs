@@ -65,7 +65,8 @@ impl<S: Solver> Rig<S> {
 
     /// Computes the torques that act in this frame, and stores the commanded torques.
     fn drive(&mut self, batch: &Batch, torques: &[f64]) {
-        let (n, joints) = (batch.len(), batch.system.robot.joint_count());
+        let n = batch.len();
+        let joints = batch.system.robot.joint_count();
         if self.newest.len() != n || self.asked.len() != n * FRAMES * joints {
             (self.asked, self.newest) = (vec![0.0; n * FRAMES * joints], vec![u64::MAX - 1; n]);
         }
@@ -79,8 +80,10 @@ impl<S: Solver> Rig<S> {
             asked.copy_within(..(FRAMES - 1) * joints, joints);
             asked[..joints].copy_from_slice(&torques[env * joints..][..joints]);
             let rows: [&[f64]; FRAMES] = std::array::from_fn(|k| &asked[k * joints..(k + 1) * joints]);
-            let (robot, state) = (&batch.system.robot, batch.state(env));
-            let (positions, velocities) = (&state[robot.root_coords()..], &state[robot.nq() + robot.root_dofs()..]);
+            let robot = &batch.system.robot;
+            let state = batch.state(env);
+            let positions = &state[robot.root_coords()..];
+            let velocities = &state[robot.nq() + robot.root_dofs()..];
             batch.of(env).motors.act(&rows, positions, velocities, &mut self.torques[env * joints..][..joints]);
         }
     }
@@ -91,7 +94,8 @@ fn shift(batch: &mut Batch, side: f64) {
     for env in 0..batch.len() {
         let own = batch.of(env).clone();
         if !own.motors.zeros.is_empty() {
-            let (state, first) = (batch.state_mut(env), own.robot.root_coords());
+            let state = batch.state_mut(env);
+            let first = own.robot.root_coords();
             state[first..].iter_mut().zip(&own.motors.zeros).for_each(|(q, zero)| *q += side * zero);
             wrap_state(&own.robot, state);
         }
@@ -101,7 +105,8 @@ fn shift(batch: &mut Batch, side: f64) {
 impl<S: Solver> Solver for Rig<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         batch.check().map_err(StepError::Solver)?;
-        let (joints, d) = (batch.system.robot.joint_count(), batch.system.robot.state_dim());
+        let joints = batch.system.robot.joint_count();
+        let d = batch.system.robot.state_dim();
         if torques.len() != batch.len() * joints {
             return Err(StepError::torques(torques.len(), batch.len(), joints));
         }

@@ -27,8 +27,10 @@ pub const FASTEST: f64 = 64.0;
 /// Each velocity is uniform between plus and minus this share of its maximum. The maximum is [`FASTEST`] times the
 /// largest velocity of the `reset` range, but at least the largest of the `sample` range.
 pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
-    let (robot, spec) = (&system.robot, &system.spec);
-    let (nq, rates) = (robot.nq(), robot.nq() + robot.root_dofs());
+    let robot = &system.robot;
+    let spec = &system.spec;
+    let nq = robot.nq();
+    let rates = robot.nq() + robot.root_dofs();
     let largest = |range: &Range| range.low.abs().max(range.high.abs());
     let share: f64 = rng.random();
     let mut even =
@@ -42,7 +44,8 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
             Vector3::from_fn(|i, _| even(of(ranges, i), &ranges(&root.sample)[i]))
         };
         let (ang_vel, velocity) = (vector(|r| &r.ang_vel), vector(|r| &r.velocity));
-        let (p, pose) = (Vector3::from_column_slice(&state[..3]), quaternion(&state[3..7]));
+        let p = Vector3::from_column_slice(&state[..3]);
+        let pose = quaternion(&state[3..7]);
         write_twist(&mut state[nq..rates], (&p, &pose), (&ang_vel, &velocity));
     }
     for (rate, joint) in state[rates..].iter_mut().zip(&spec.joints) {
@@ -77,7 +80,8 @@ pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
 const MAX_PEG_DRAWS: usize = 20;
 
 fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl Rng) -> Vec<Collider> {
-    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    let mut data = Data::new(&system.robot);
+    let mut events = Vec::new();
     let mut clear = |collider: &Collider| {
         let alone = Scene { name: String::new(), gravity: system.gravity(), colliders: vec![collider.clone()] };
         contacts(system, &alone, state, &mut data, &mut events);

@@ -29,7 +29,8 @@ impl Table {
         if !Arrays::named(path) {
             return Self::open(path);
         }
-        let (names, source) = (wanted.iter().copied().cloned().collect(), Source::Arrays(Arrays::read(path, wanted)?));
+        let names = wanted.iter().copied().cloned().collect();
+        let source = Source::Arrays(Arrays::read(path, wanted)?);
         Ok(Self { path: path.into(), names, source })
     }
 
@@ -63,7 +64,8 @@ impl Table {
 
     /// Passes every row to `take`.
     pub fn rows(&mut self, mut take: impl FnMut(&Row) -> Result<(), FileError>) -> Result<(), FileError> {
-        let (path, names) = (&self.path, &self.names);
+        let path = &self.path;
+        let names = &self.names;
         match &mut self.source {
             Source::Csv(reader) => reader.records().try_for_each(|record| {
                 let record = record.map_err(|e| FileError::new(path, e))?;

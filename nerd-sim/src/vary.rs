@@ -50,7 +50,8 @@ pub struct Told(Vec<(usize, Range, f64)>);
 impl Told {
     /// The parameters of a system's family of robots.
     pub fn new(system: &System) -> Self {
-        let (mut told, mut k) = (Vec::new(), 0);
+        let mut told = Vec::new();
+        let mut k = 0;
         varied(system, &mut |Drawn { what, range, nominal, .. }| {
             told.extend((!["ripple", "lag"].contains(what)).then_some((k, *range, *nominal)));
             k += 1;
@@ -77,7 +78,9 @@ impl Told {
 /// A system with the numbers that `take` returns for each range of its `[vary]`, and these numbers; `None` without
 /// `[vary]`.
 fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(System, Vec<f64>)> {
-    let (vary, mut own, mut drawn) = (system.spec.vary.as_ref()?, system.clone(), Vec::new());
+    let vary = system.spec.vary.as_ref()?;
+    let mut own = system.clone();
+    let mut drawn = Vec::new();
     let mut take = |what: &str, whose: &str, range: &Option<Range>, nominal: f64| {
         let x = take(&Drawn { what, whose, range: (*range)?, nominal });
         drawn.push(x);

@@ -23,7 +23,8 @@ pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f6
     let along = |lying: f64| -> Vec<Vector3<f64>> {
         let direction = |k: usize| {
             let from_clamp = (k as f64 + 0.5) * rod;
-            let (from_end, left) = (rods as f64 * rod - from_clamp, 1.0 - (-from_clamp / STEM).exp());
+            let from_end = rods as f64 * rod - from_clamp;
+            let left = 1.0 - (-from_clamp / STEM).exp();
             let slope = left * ((from_end - lying).max(0.0) / PULL).atan();
             let (sin, cos) = (left * heading).sin_cos();
             Vector3::new(cos * slope.cos(), sin * slope.cos(), -slope.sin())
@@ -46,7 +47,8 @@ pub fn hinges(along: &[Vector3<f64>]) -> Vec<f64> {
     let mut angles = Vec::with_capacity(2 * along.len());
     for direction in along {
         let own = axes.tr_mul(direction);
-        let (sway, bend) = (own.y.atan2(own.x), (-own.z).atan2(own.x.hypot(own.y)));
+        let sway = own.y.atan2(own.x);
+        let bend = (-own.z).atan2(own.x.hypot(own.y));
         axes *=
             Rotation3::from_axis_angle(&Vector3::z_axis(), sway) * Rotation3::from_axis_angle(&Vector3::y_axis(), bend);
         angles.extend([sway, bend]);

@@ -54,7 +54,8 @@ impl Episodes {
     /// # Panics
     /// As [`Episodes::new`].
     pub fn part(task: Box<dyn Task>, simulation: Simulation, seed: u64, first: usize) -> Self {
-        let (n, system) = (simulation.batch.len(), simulation.batch.system.clone());
+        let n = simulation.batch.len();
+        let system = simulation.batch.system.clone();
         let task = Compiled::new(task, &system);
         let mut episodes = Self {
             seed,
@@ -127,7 +128,8 @@ impl Episodes {
     /// If the number of actions is wrong, the solver as a whole fails, or the task has a size of 0. Also if an
     /// observation or reward is not finite.
     pub fn step(&mut self, actions: &[f64]) -> Result<StepResult, StepError> {
-        let (n, width) = (self.len(), self.task.action_dim());
+        let n = self.len();
+        let width = self.task.action_dim();
         if actions.len() != n * width {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
@@ -206,8 +208,10 @@ impl Episodes {
     /// Refuses results of the task (`[env][width]`) that are not finite.
     fn finite(&self, method: &str, numbers: &[f64]) -> Result<(), StepError> {
         let Some(at) = numbers.par_iter().with_min_len(MOVED).position_first(|x| !x.is_finite()) else { return Ok(()) };
-        let (width, task) = (numbers.len() / self.len(), self.task.name());
-        let (env, entry) = (self.first + at / width, at % width);
+        let width = numbers.len() / self.len();
+        let task = self.task.name();
+        let env = self.first + at / width;
+        let entry = at % width;
         Err(StepError::Solver(format!(
             "task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}, or leaves it out",
             numbers[at]
@@ -215,7 +219,8 @@ impl Episodes {
     }
 
     pub(crate) fn done(&mut self, actions: &[f64]) {
-        let (task, width) = (&self.task, self.task.action_dim());
+        let task = &self.task;
+        let width = self.task.action_dim();
         if task.memory() > 0 {
             let goals = self.goals.chunks_exact_mut(task.goal_dim()).zip(actions.chunks_exact(width));
             goals.for_each(|(goal, action)| task.remember(goal, action));
@@ -229,7 +234,8 @@ impl Episodes {
             return;
         }
         for (env, begun) in begun.iter().enumerate() {
-            let (own, frame) = (batch.of(env).clone(), batch.frames[env]);
+            let own = batch.of(env).clone();
+            let frame = batch.frames[env];
             pushed(&own, batch.state_mut(env), frame, episode(*seed, *first + env, *begun));
         }
     }
@@ -237,8 +243,11 @@ impl Episodes {
     pub(crate) fn act(&mut self, actions: &[f64]) -> &[f64] {
         let servo = self.task.controlled() && self.simulation.serve();
         self.works.iter_mut().for_each(|work| work.controller.servo = servo);
-        let (task, batch, goals) = (&self.task, &self.simulation.batch, &*self.goals);
-        let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
+        let task = &self.task;
+        let batch = &self.simulation.batch;
+        let goals = &*self.goals;
+        let width = task.action_dim();
+        let joints = batch.system.robot.joint_count();
         rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
             work.controller.turn_to(batch.of(env));
             task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, torques);
@@ -274,7 +283,10 @@ impl Episodes {
 
     /// Appends the rewards, terms, errors and ends at the states reached to `result`.
     fn judge(&mut self, failed: &[bool], result: &mut StepResult) {
-        let (task, batch, goals, torques) = (&self.task, &self.simulation.batch, &*self.goals, &*self.torques);
+        let task = &self.task;
+        let batch = &self.simulation.batch;
+        let goals = &*self.goals;
+        let torques = &*self.torques;
         let joints = batch.system.robot.joint_count();
         let length = task.episode_length() * task.frames();
         let chunks = self.works.par_iter_mut().enumerate().map(|(chunk, work)| {
@@ -322,7 +334,8 @@ impl Episodes {
             if !sensed {
                 return task.observe(now, work, row);
             }
-            let (own, frame) = (batch.of(env), batch.frames[env]);
+            let own = batch.of(env);
+            let frame = batch.frames[env];
             let late = (own.motors.lag.round() as u64).min(frame);
             let mut state = past.ago(late as usize, env, now.state.len()).unwrap_or(now.state).to_vec();
             blurred(own, &mut state, frame - late, episode(*seed, *first + env, begun[env]));

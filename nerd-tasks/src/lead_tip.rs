@@ -100,7 +100,8 @@ struct Seen {
 
 impl Seen {
     fn of(state: &[f64], work: &mut Work) -> Self {
-        let (robot, data) = (&work.system.robot, &mut work.data);
+        let robot = &work.system.robot;
+        let data = &mut work.data;
         kinematics(robot, state, data);
         velocities(robot, &state[robot.nq()..], data);
         let contacts = &robot.contact_points;
@@ -160,7 +161,8 @@ impl Task for LeadTip {
     }
 
     fn reward<'a>(&self, sight: &Sight<'a>, _: &[Traced<'a>]) -> Traced<'a> {
-        let (d, speed) = (distance(sight), squares([0, 1, 2].map(|k| sight.qd(k))));
+        let d = distance(sight);
+        let speed = squares([0, 1, 2].map(|k| sight.qd(k)));
         0.7 * (-(d / 0.04).squared()).exp() + 0.3 * (-d / 0.2).exp() - 0.02 * speed
     }
 
@@ -217,11 +219,14 @@ impl Plain for LeadTip {
 
     /// The observation.
     fn numbers(&self, view: View, work: &mut Work, out: &mut [f64]) {
-        let (seen, goal) = (Seen::of(view.state, work), view.goal);
+        let seen = Seen::of(view.state, work);
+        let goal = view.goal;
         let now = place(goal, goal[3]);
         let ahead = |frames: u64| place(goal, goal[3] + frames as f64) - now;
-        let (target, heading) = (vector(goal), ahead(1) / FRAME);
-        let ([tip, speed], [gripper, moving]) = (seen.tip(), seen.gripper);
+        let target = vector(goal);
+        let heading = ahead(1) / FRAME;
+        let [tip, speed] = seen.tip();
+        let [gripper, moving] = seen.gripper;
         let at = seen.home + gripper;
         let own = [tip - target, speed - Vector3::new(heading.x, heading.y, 0.0), at - target, gripper, moving];
         let points = seen.points.iter().flat_map(|[place, velocity]| [place - at, velocity - moving]);

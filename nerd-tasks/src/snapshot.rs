@@ -84,7 +84,8 @@ impl Past {
     }
 
     pub(crate) fn read(&mut self, snapshot: &Snapshot, joints: usize) {
-        let (states, torques) = (snapshot.states.len(), snapshot.frames.len() * joints);
+        let states = snapshot.states.len();
+        let torques = snapshot.frames.len() * joints;
         self.frames.clear();
         let frames =
             snapshot.past_states.chunks_exact(states.max(1)).zip(snapshot.past_torques.chunks_exact(torques.max(1)));

@@ -40,7 +40,8 @@ pub struct Work {
 impl Work {
     /// Working memory for a system.
     pub fn new(system: &Arc<System>) -> Self {
-        let (data, controller) = (Data::new(&system.robot), Controller::new(system));
+        let data = Data::new(&system.robot);
+        let controller = Controller::new(system);
         Self { system: system.clone(), data, controller, events: Vec::new(), numbers: Vec::new() }
     }
 }

@@ -35,7 +35,8 @@ const WORK: u128 = 100_000_000_000;
 /// Refuses work that needs more memory than is free. The need is `bytes` times the product of the values in `factors`
 /// (option, value).
 pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
-    let (needed, free) = (product(factors).saturating_mul(bytes as u128), u128::from(free()));
+    let needed = product(factors).saturating_mul(bytes as u128);
+    let free = u128::from(free());
     if needed > free {
         refuse!("{}: needs {} of memory, {} are free; ask for less", words(factors), size(needed), size(free));
     }

@@ -14,7 +14,9 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Calls `run` several times and returns the shortest time. Other load on the machine can only make a run slower.
 fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> {
-    let (mut runs, mut total, mut best) = (0, Duration::ZERO, Duration::MAX);
+    let mut runs = 0;
+    let mut total = Duration::ZERO;
+    let mut best = Duration::MAX;
     while runs == 0 || (total < TIME && runs < MOST) || (runs < SOME && total < PATIENCE) {
         let spent = run()?;
         (runs, total, best) = (runs + 1, total + spent, best.min(spent));
@@ -29,7 +31,8 @@ pub fn timed(
     frames: usize,
     compare: impl Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Result<(PassiveReport, f64), StepError> {
-    let (mut solver, mut report) = (Timed::new(solver), None);
+    let mut solver = Timed::new(solver);
+    let mut report = None;
     let best = best(|| {
         solver.spent = Duration::ZERO;
         report = Some(compare(&mut solver)?);

@@ -11,7 +11,9 @@ pub type MakeSolver<'a> = dyn Fn() -> Box<dyn Solver> + Sync + 'a;
 /// true motion.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();
-    let (inputs, d, joints) = (Features::inputs(system, form), system.robot.state_dim(), system.robot.joint_count());
+    let inputs = Features::inputs(system, form);
+    let d = system.robot.state_dim();
+    let joints = system.robot.joint_count();
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
     let mut y = vec![0.0; recording.trajectories * f * d];
@@ -27,9 +29,10 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
             let gravity = vector(&recording.gravity[3 * trajectory..]);
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
-                let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
-                let (events, torques) =
-                    (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
+                let state = &states[frame * d..][..d];
+                let next = &states[(frame + 1) * d..][..d];
+                let events = events(system, recording, trajectory * f + frame);
+                let torques = &torques[frame * joints..][..joints];
                 features.token(&shown[frame * d..][..d], &events, torques, &gravity, x);
                 features.target(state, next, y);
             }

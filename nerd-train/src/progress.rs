@@ -70,7 +70,8 @@ impl Bar {
     fn print(&self) {
         let Some(Ok(mut printed)) = self.printed.as_ref().map(Mutex::lock) else { return };
         if printed.elapsed() > EVERY {
-            let (done, total) = (self.bar.position(), self.bar.length().unwrap_or_default());
+            let done = self.bar.position();
+            let total = self.bar.length().unwrap_or_default();
             let rate = done.saturating_sub(self.origin.0) as f64 / self.origin.1.elapsed().as_secs_f64();
             let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
             tell!("{} {done}/{total}, {rate:.0}/s, {left:.0} s left", self.bar.message());

@@ -38,8 +38,9 @@ impl Provenance {
             true => "nerd",
             false => "cargo xtask",
         };
-        let (commit, command, date) =
-            (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());
+        let commit = COMMIT.clone();
+        let command = format!("{program} {args}");
+        let date = Utc::now().date_naive().to_string();
         Self { commit, command, seed, machine: machine(), date }
     }
 

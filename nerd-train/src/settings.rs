@@ -140,7 +140,8 @@ pub fn listed(text: &str) -> Vec<String> {
         c == ',' && depth <= 0
     };
     let parts = text.split(outside).collect_vec();
-    let (mut found, mut from) = (Vec::new(), 0);
+    let mut found = Vec::new();
+    let mut from = 0;
     while from < parts.len() {
         let there = |to: &usize| std::path::Path::new(&parts[from..*to].join(",")).exists();
         let to = (from + 2..=parts.len()).rev().find(there).unwrap_or(from + 1);

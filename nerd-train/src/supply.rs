@@ -50,7 +50,8 @@ impl Supply {
         config: SupplyConfig,
     ) -> Result<Self> {
         config.data.check(system)?;
-        let (trajectories, shard) = (config.data.trajectories(), config.data.shard_trajectories);
+        let trajectories = config.data.trajectories();
+        let shard = config.data.shard_trajectories;
         if trajectories < shard {
             let text = format!("{trajectories} trajectories of data are less than a shard of {shard} trajectories");
             return Err(DatasetError::Config(text).into());
@@ -64,7 +65,9 @@ impl Supply {
         supply.next = first;
         for thread in 0..threads {
             let (sender, receiver) = sync_channel(1);
-            let (system, solver, config) = (system.clone(), solver.clone(), supply.config.clone());
+            let system = system.clone();
+            let solver = solver.clone();
+            let config = supply.config.clone();
             // The first shard k >= first with k % threads == thread.
             let mut k = first + (thread + threads - first % threads) % threads;
             let work = move || {

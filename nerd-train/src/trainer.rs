@@ -100,11 +100,14 @@ impl Trainer {
     /// # Errors
     /// If an update, a validation or a file fails. The last checkpoint stays as it was.
     pub fn run(&self, learner: &mut dyn Learner, mut fresh: Option<Supply>, hook: &mut Hook) -> Result<Outcome> {
-        let (c, started) = (&self.config, Instant::now());
+        let c = &self.config;
+        let started = Instant::now();
         c.check()?;
-        let (mut step, mut over) = (learner.state()?.step, false);
+        let mut step = learner.state()?.step;
+        let mut over = false;
         let mut lead = self.lead(step)?;
-        let (_heed, stop) = (heed(), Stop(self.stop_at.and_then(|wall| started.checked_add(wall))));
+        let _heed = heed();
+        let stop = Stop(self.stop_at.and_then(|wall| started.checked_add(wall)));
         while step < c.updates && !over {
             let learning_rate = self.update(learner, &mut fresh, step)?;
             step += 1;

@@ -89,7 +89,8 @@ impl Adjoint {
     /// Working memory for a robot.
     pub fn new(robot: &Robot) -> Self {
         let n = robot.links.len();
-        let (motions, wrenches) = (vec![Motion::default(); n], vec![Wrench::default(); n]);
+        let motions = vec![Motion::default(); n];
+        let wrenches = vec![Wrench::default(); n];
         Self {
             virtuals: motions.clone(),
             quickened: motions,
@@ -118,8 +119,11 @@ impl Adjoint {
         motions(robot, virtual_rates, data, &mut self.virtuals);
         motions(robot, qdd, data, &mut self.quickened);
         for (i, load) in loads.iter_mut().enumerate() {
-            let (inertia, v, l) = (&data.inertia[i], &data.velocity[i], &self.virtuals[i]);
-            let (a, y) = (data.acceleration[i] + self.quickened[i], v.cross(l));
+            let inertia = &data.inertia[i];
+            let v = &data.velocity[i];
+            let l = &self.virtuals[i];
+            let a = data.acceleration[i] + self.quickened[i];
+            let y = v.cross(l);
             let (of_a, of_v, of_l, of_y) = (inertia.apply(&a), inertia.apply(v), inertia.apply(l), inertia.apply(&y));
             self.by_virtual[i] = (of_a + v.cross_wrench(&of_v)) * -1.0;
             self.by_quickened[i] = of_l * -1.0;
@@ -134,7 +138,9 @@ impl Adjoint {
             }
         }
         if robot.free.damping != 0.0 {
-            let (v, l, x) = (&data.velocity[0], &self.virtuals[0], &data.position[0]);
+            let v = &data.velocity[0];
+            let l = &self.virtuals[0];
+            let x = &data.position[0];
             self.by_virtual[0] = self.by_virtual[0] - drag(robot, v, x);
             self.by_velocity[0] = self.by_velocity[0] - drag(robot, l, x);
             // The damping acts at the root's position, which moves relative to the common origin.
@@ -163,7 +169,8 @@ impl Adjoint {
         for (i, link) in robot.links.iter().enumerate().rev() {
             let by = self.by_acceleration[i];
             if link.joint.is_some() {
-                let (axis, rate) = (&data.axis[i], qd[data.dof[i]]);
+                let axis = &data.axis[i];
+                let rate = qd[data.dof[i]];
                 self.by_velocity[i] += (*axis * rate).cross_wrench(&by);
                 let by_own = data.velocity[i].cross_wrench(&by) * -1.0;
                 out[data.dof[i]] += axis.dot(&by_own);
@@ -184,7 +191,8 @@ impl Adjoint {
     pub fn begin_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], scale: f64, loads: &mut [Wrench]) {
         motions(robot, rates, data, &mut self.virtuals);
         for (i, load) in loads.iter_mut().enumerate() {
-            let (own, momentum) = (&self.virtuals[i], data.inertia[i].apply(&self.virtuals[i]) * (2.0 * scale));
+            let own = &self.virtuals[i];
+            let momentum = data.inertia[i].apply(&self.virtuals[i]) * (2.0 * scale);
             self.by_virtual[i] = momentum;
             *load += own.cross_wrench(&momentum) * -1.0;
         }

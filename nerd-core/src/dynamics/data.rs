@@ -76,7 +76,8 @@ pub struct Data {
 impl Data {
     /// Working memory for `robot`.
     pub fn new(robot: &Robot) -> Self {
-        let (n, nv) = (robot.links.len(), robot.nv());
+        let n = robot.links.len();
+        let nv = robot.nv();
         Self {
             origin: Vector3::zeros(),
             dof: robot.dofs(),

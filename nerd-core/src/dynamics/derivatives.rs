@@ -53,7 +53,8 @@ impl Subtrees {
             (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
         let mut force: Vec<Wrench> = (0..n)
             .map(|i| {
-                let (own, v) = (&data.inertia[i], &data.velocity[i]);
+                let own = &data.inertia[i];
+                let v = &data.velocity[i];
                 let weight = Wrench::from_slice((lifted[i] * rise.vector()).as_slice());
                 own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v)) + weight
             })
@@ -62,7 +63,11 @@ impl Subtrees {
         // From the leaves to the root.
         for i in (0..n).rev() {
             if let Some(p) = robot.links[i].parent {
-                let (own, ol, ob, of, oe) = (inertia[i], lifted[i], b[i], force[i], pushed[i]);
+                let own = inertia[i];
+                let ol = lifted[i];
+                let ob = b[i];
+                let of = force[i];
+                let oe = pushed[i];
                 inertia[p] += own;
                 lifted[p] += ol;
                 b[p] += ob;
@@ -145,8 +150,10 @@ impl Derivatives {
         // Offset between link index and column index: a floating root has six columns, a joint one.
         let lead = columns.len() - robot.links.len();
         for low in columns {
-            let (i, own) = (low.link, low.axis.vector());
-            let (down, turned) = (inertia[i] * own, b[i].transpose() * own * 2.0);
+            let i = low.link;
+            let own = low.axis.vector();
+            let down = inertia[i] * own;
+            let turned = b[i].transpose() * own * 2.0;
             let below = b[i] * low.first.vector() * 2.0
                 + inertia[i] * low.second.vector()
                 + lifted[i] * rise.cross(&low.axis).vector()

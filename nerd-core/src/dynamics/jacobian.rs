@@ -101,12 +101,15 @@ impl Data {
     pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
         self.place(robot, q);
         let n = robot.links.len();
-        let (mut masses, mut moments) = (vec![0.0; n], vec![Vector3::zeros(); n]);
-        let (mut mass, mut moment) = (0.0, Vector3::zeros());
+        let mut masses = vec![0.0; n];
+        let mut moments = vec![Vector3::zeros(); n];
+        let mut mass = 0.0;
+        let mut moment = Vector3::zeros();
         for (i, link) in robot.links.iter().enumerate().rev() {
             masses[i] += link.inertia.mass;
             moments[i] += (self.position[i] + self.rotation[i] * link.inertia.com) * link.inertia.mass;
-            let (own, at) = (masses[i], moments[i]);
+            let own = masses[i];
+            let at = moments[i];
             match link.parent {
                 Some(p) => (masses[p], moments[p]) = (masses[p] + own, moments[p] + at),
                 None => (mass, moment) = (mass + own, moment + at),

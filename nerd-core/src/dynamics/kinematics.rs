@@ -18,7 +18,8 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
     let base = root_position(robot, q) - origin;
     let root = root_rotation(robot, q);
     let joints = &q[robot.root_coords()..];
-    let (dofs, first) = (robot.root_dofs(), usize::from(robot.floating()));
+    let dofs = robot.root_dofs();
+    let first = usize::from(robot.floating());
     if robot.floating() {
         data.rotation[0] = root;
         data.position[0] = base;

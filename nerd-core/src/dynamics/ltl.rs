@@ -28,7 +28,9 @@ const ROUNDING: f64 = 1e-12;
 impl Factor {
     /// A factor for the mass matrix of `robot`.
     pub fn new(robot: &Robot) -> Self {
-        let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
+        let dofs = robot.root_dofs();
+        let first = usize::from(robot.floating());
+        let nv = robot.nv();
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
         let parent: Vec<usize> = if robot.mimics() {
             // Mimic joints couple branches of the tree, so no entry is known to be zero.
@@ -50,9 +52,12 @@ impl Factor {
     /// not solve.
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
-        let (n, parent, trunk) = (self.parent.len(), &self.parent, self.trunk);
+        let n = self.parent.len();
+        let parent = &self.parent;
+        let trunk = self.trunk;
         for k in 0..n {
-            let (row, mut i) = (&mut self.rows[k * n..][..n], k);
+            let row = &mut self.rows[k * n..][..n];
+            let mut i = k;
             while i != usize::MAX {
                 row[i] = mass[(k, i)];
                 i = parent[i];
@@ -74,7 +79,8 @@ impl Factor {
             }
             let mut i = parent[k];
             while i != usize::MAX {
-                let (target, by) = (&mut above[i * n..][..n], row[i]);
+                let target = &mut above[i * n..][..n];
+                let by = row[i];
                 let mut j = i;
                 while j != usize::MAX && j >= trunk {
                     target[j] -= by * row[j];
@@ -105,7 +111,9 @@ impl Factor {
     /// Inverse effective mass `X^T M^-1 X` (N by N), with the rows of X in `x[nv]`. X must be zero except at the DoF
     /// `last` and its ancestors. Overwrites `x`.
     pub fn inv_mass<const N: usize>(&self, last: usize, x: &mut [SVector<f64, N>]) -> SMatrix<f64, N, N> {
-        let (n, mut sum, mut i) = (self.parent.len(), SMatrix::zeros(), last);
+        let n = self.parent.len();
+        let mut sum = SMatrix::zeros();
+        let mut i = last;
         while i != usize::MAX {
             let row = &self.rows[i * n..][..n];
             let by = x[i] * row[i];
@@ -123,10 +131,12 @@ impl Factor {
     /// Solves `M x = b` in place in `x[nv]`: first `L^T y = b`, then `L x = y`.
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {
-        let (n, parent) = (self.parent.len(), &self.parent);
+        let n = self.parent.len();
+        let parent = &self.parent;
         let x = &mut x[..n];
         for i in (0..n).rev() {
-            let (row, mut j) = (&self.rows[i * n..][..n], parent[i]);
+            let row = &self.rows[i * n..][..n];
+            let mut j = parent[i];
             x[i] *= row[i];
             let by = x[i];
             while j != usize::MAX {
@@ -136,7 +146,8 @@ impl Factor {
         }
         for i in 0..n {
             let row = &self.rows[i * n..][..n];
-            let (mut sum, mut j) = (x[i], parent[i]);
+            let mut sum = x[i];
+            let mut j = parent[i];
             while j != usize::MAX {
                 sum -= row[j] * x[j];
                 j = parent[j];

@@ -82,7 +82,9 @@ impl Data {
         qdd: &[f64],
         gravity: &Vector3<f64>,
     ) -> Derivatives {
-        let (qd, mut spatial, mut out) = (qd.0.as_ref(), qdd.to_vec(), Derivatives::new(robot));
+        let qd = qd.0.as_ref();
+        let mut spatial = qdd.to_vec();
+        let mut out = Derivatives::new(robot);
         shift(robot, qd, &mut spatial, -1.0);
         self.place(robot, q);
         out.inverse(robot, qd, &spatial, gravity, self);
@@ -106,12 +108,14 @@ impl Data {
         tau: &[f64],
         gravity: &Vector3<f64>,
     ) -> Result<Derivatives, NoInertia> {
-        let (qd, mut out) = (qd.0.as_ref(), Derivatives::new(robot));
+        let qd = qd.0.as_ref();
+        let mut out = Derivatives::new(robot);
         self.place(robot, q);
         if !aba(robot, qd, tau, gravity, self) {
             return Err(self.no_inertia(robot));
         }
-        let (spatial, mut factor) = (self.qdd.as_slice().to_vec(), Factor::new(robot));
+        let spatial = self.qdd.as_slice().to_vec();
+        let mut factor = Factor::new(robot);
         if !out.forward(robot, qd, &spatial, gravity, self, &mut factor) {
             return Err(NoInertia(factor.fault(robot)));
         }

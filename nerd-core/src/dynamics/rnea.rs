@@ -37,11 +37,17 @@ pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
 #[inline]
 fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     let base = Motion::new(Vector3::zeros(), -gravity);
-    let (links, n) = (&robot.links[..], robot.links.len());
+    let links = &robot.links[..];
+    let n = robot.links.len();
     // Slices of the same length as the links let the compiler drop bounds checks.
-    let (dof, axis, rotation, position) = (&data.dof[..n], &data.axis[..n], &data.rotation[..n], &data.position[..n]);
-    let (external, force) = (&data.external[..n], &mut data.force[..n]);
-    let (velocity, acceleration) = (&mut data.velocity[..n], &mut data.acceleration[..n]);
+    let dof = &data.dof[..n];
+    let axis = &data.axis[..n];
+    let rotation = &data.rotation[..n];
+    let position = &data.position[..n];
+    let external = &data.external[..n];
+    let force = &mut data.force[..n];
+    let velocity = &mut data.velocity[..n];
+    let acceleration = &mut data.acceleration[..n];
     for i in 0..n {
         let link = &links[i];
         let (v, a) = if link.joint.is_none() {
@@ -54,7 +60,8 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
             (v, if ACCELERATED { a + axis[i] * qdd[dof[i]] } else { a })
         };
         (velocity[i], acceleration[i]) = (v, a);
-        let (r, body) = (&rotation[i], &link.inertia);
+        let r = &rotation[i];
+        let body = &link.inertia;
         let c = position[i] + r * body.com;
         let f = (a.at(&c) + v.ang.cross(&v.at(&c))) * body.mass;
         let (w, w_dot) = (r.tr_mul(&v.ang), r.tr_mul(&a.ang));
@@ -71,7 +78,8 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
     let tau = data.tau.as_mut_slice();
     tau.fill(0.0);
     for i in (0..n).rev() {
-        let (link, f) = (&links[i], force[i]);
+        let link = &links[i];
+        let f = force[i];
         match &link.joint {
             None => tau[..6].copy_from_slice(f.vector().as_slice()),
             Some(joint) => {

@@ -15,7 +15,8 @@ impl TreeFactor {
     /// `false` if the matrix is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &Data, links: &[Matrix6<f64>], joints: &[f64]) -> bool {
-        let (first, dofs) = (usize::from(robot.floating()), robot.root_dofs());
+        let first = usize::from(robot.floating());
+        let dofs = robot.root_dofs();
         for (i, (own, size)) in self.articulated.iter_mut().zip(&mut self.size).enumerate() {
             *own = data.inertia[i].matrix();
             if let Some(more) = links.get(i) {
@@ -38,7 +39,8 @@ impl TreeFactor {
                 let (above, own) = self.articulated.split_at_mut(i);
                 for c in 0..6 {
                     let share = gain[c] * self.inverse[i];
-                    let (above, own) = (&mut above[p].data.0[c], &own[0].data.0[c]);
+                    let above = &mut above[p].data.0[c];
+                    let own = &own[0].data.0[c];
                     (0..6).for_each(|r| above[r] += own[r] - gain[r] * share);
                 }
                 self.size[p] += self.size[i];
@@ -89,7 +91,8 @@ impl TreeFactor {
             self.inv_inertia[0] = root.inverse();
         }
         for i in first..robot.links.len() {
-            let (s, inverse) = (data.axis[i].vector(), self.inverse[i]);
+            let s = data.axis[i].vector();
+            let inverse = self.inverse[i];
             let above = robot.links[i].parent.map_or(Matrix6::zeros(), |p| self.inv_inertia[p]);
             // (1 - S U^T / D) E_p, then the same factor transposed from the right.
             let half = above - s * ((self.gain[i].transpose() * above) * inverse);

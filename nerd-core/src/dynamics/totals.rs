@@ -33,7 +33,10 @@ pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     kinematics(robot, q, data);
     inertias(robot, data);
     velocities(robot, &local, data);
-    let (mut mass, mut moment, mut momentum, mut kinetic) = (0.0, Vector3::zeros(), Wrench::default(), 0.0);
+    let mut mass = 0.0;
+    let mut moment = Vector3::zeros();
+    let mut momentum = Wrench::default();
+    let mut kinetic = 0.0;
     let mut lifted = Vector3::zeros();
     for (i, link) in robot.links.iter().enumerate() {
         let h = data.inertia[i].apply(&data.velocity[i]);

@@ -63,7 +63,8 @@ impl TreeFactor {
     /// Inverse effective mass of a link's joint: the diagonal entry, at the joint's DoF, of the inverse matrix. Needs
     /// [`TreeFactor::spread`].
     pub fn inv_mass(&self, robot: &Robot, link: usize) -> f64 {
-        let (gain, inverse) = (&self.gain[link], self.inverse[link]);
+        let gain = &self.gain[link];
+        let inverse = self.inverse[link];
         let above = robot.links[link].parent.map_or(0.0, |p| gain.dot(&(self.inv_inertia[p] * gain)));
         inverse + above * inverse * inverse
     }

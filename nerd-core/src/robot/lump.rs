@@ -47,7 +47,8 @@ pub(super) fn shapes(source: &Body, pose: &Isometry3<f64>, host: Option<usize>, 
         read.notes.push(format!("link `{}`: {mesh} is on the fixed base; nothing touches it", source.name))
     };
     for solid in &source.collisions {
-        let (pose, surface) = (pose * solid.pose, solid.surface);
+        let pose = pose * solid.pose;
+        let surface = solid.surface;
         match (&solid.form, host) {
             (Form::Shape(kind), _) => {
                 let shapes = host.map_or(&mut read.base, |host| &mut read.robot.links[host].shapes);

@@ -45,7 +45,9 @@ fn led(
     let joint = |name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
     let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
     let wrong = |reason: String| UrdfError::joint(&own, reason);
-    let (mut at, mut multiplier, mut offset) = (*mimic, 1.0, 0.0);
+    let mut at = *mimic;
+    let mut multiplier = 1.0;
+    let mut offset = 0.0;
     // A walk longer than the number of mimic joints means a cycle.
     for step in 0..=followers.len() {
         // Compose `m (m' q + o') + o` from the outside in.

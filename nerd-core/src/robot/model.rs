@@ -174,7 +174,8 @@ impl Robot {
     /// The index in `qd` of each link's joint, `[link]`. Mimic joints share the index of their leader. A floating root
     /// has index 0, the first of its six DoFs.
     pub fn dofs(&self) -> Vec<usize> {
-        let (first, mut own) = (self.root_dofs(), 0);
+        let first = self.root_dofs();
+        let mut own = 0;
         let of = |link: &Link| match &link.joint {
             None => 0,
             Some(Joint { mimic: Some(mimic), .. }) => first + mimic.coordinate,

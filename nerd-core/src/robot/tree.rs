@@ -51,7 +51,8 @@ impl UrdfRobot {
         // The last of a planar joint's three joints carries the child link.
         let own =
             |j: &BodyJoint| if j.kind == BodyJointKind::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
-        let (mut bodies, mut notes) = (bodies.clone(), Vec::new());
+        let mut bodies = bodies.clone();
+        let mut notes = Vec::new();
         for joint in bodies.joints.iter_mut().filter(|j| idle.contains(&own(j))) {
             joint.kind = BodyJointKind::Fixed;
             notes.push(format!("joint `{}`: it carries no mass, and is fixed at zero", joint.name));
@@ -64,7 +65,8 @@ impl UrdfRobot {
 
 /// Names of the joints that carry no mass, neither themselves nor through the mimic joints that follow them.
 fn idle(robot: &Robot) -> Vec<String> {
-    let (links, dofs) = (&robot.links, robot.dofs());
+    let links = &robot.links;
+    let dofs = robot.dofs();
     let mut carried: Vec<bool> = links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
     for i in (0..carried.len()).rev() {
         if let Some(p) = links[i].parent {
@@ -90,7 +92,8 @@ struct Tree<'a> {
 impl<'a> Tree<'a> {
     fn new(file: &'a Bodies, floating: bool) -> Result<Self, UrdfError> {
         let count = file.bodies.len();
-        let (mut children, mut hangs) = (vec![Vec::new(); count], vec![false; count]);
+        let mut children = vec![Vec::new(); count];
+        let mut hangs = vec![false; count];
         for joint in &file.joints {
             if joint.parent.max(joint.child) >= count {
                 return Err(UrdfError::joint(&joint.name, format!("there are {count} bodies, and none of its index")));

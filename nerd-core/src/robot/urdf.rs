@@ -29,7 +29,9 @@ impl Bodies {
         let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
         let file =
             parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
-        let (mut index, mut names, mut notes) = (HashMap::new(), HashSet::new(), Vec::new());
+        let mut index = HashMap::new();
+        let mut names = HashSet::new();
+        let mut notes = Vec::new();
         for (i, link) in file.links.iter().enumerate() {
             if index.insert(link.name.as_str(), i).is_some() {
                 return Err(UrdfError::link(&link.name, "name used twice"));
@@ -158,7 +160,8 @@ fn kind(source: &urdf_rs::Joint) -> Result<BodyJointKind, UrdfError> {
 
 /// Limits of a hinge or a slide.
 fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64; 2]>, UrdfError> {
-    let (limit, wrong) = (&source.limit, |reason: &str| UrdfError::joint(&source.name, reason));
+    let limit = &source.limit;
+    let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
     match (limit.lower, limit.upper) {
         // urdf-rs gives a missing limit as zeros. So all zeros count as no limit; a joint of zero range would be fixed.
         (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
@@ -222,7 +225,8 @@ fn sizes(kind: &ShapeKind) -> [f64; 3] {
 
 /// A URDF pose (roll, pitch, yaw about fixed axes), if finite and within `MAX_COORDINATE`.
 fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
-    let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
+    let [x, y, z] = *pose.xyz;
+    let [roll, pitch, yaw] = *pose.rpy;
     let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= MAX_COORDINATE);
     finite
         .then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))

@@ -66,13 +66,15 @@ fn numbers<const N: usize>(attributes: &[(String, String)], key: &str) -> Option
 
 fn origin(attributes: &[(String, String)]) -> Option<Isometry3<f64>> {
     let three = |key: &str| word(attributes, key).map_or(Some([0.0; 3]), |_| numbers::<3>(attributes, key));
-    let ([x, y, z], [roll, pitch, yaw]) = (three("xyz")?, three("rpy")?);
+    let [x, y, z] = three("xyz")?;
+    let [roll, pitch, yaw] = three("rpy")?;
     Some(Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 
 fn form(kind: &str, attributes: &[(String, String)]) -> Option<Form> {
     let number = |key: &str| numbers::<1>(attributes, key).map(|[x]| x).filter(|x| *x > 0.0);
-    let (radius, half_length) = (number("radius"), number("length").map(|length| 0.5 * length));
+    let radius = number("radius");
+    let half_length = number("length").map(|length| 0.5 * length);
     Some(Form::Shape(match kind {
         "box" => ShapeKind::Box { half: 0.5 * Vector3::from(numbers::<3>(attributes, "size")?) },
         "sphere" => ShapeKind::Sphere { radius: radius? },

@@ -27,9 +27,11 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
         return Err(UrdfError::text("it is a pointer of Git LFS; run `git lfs pull` for the file"));
     }
     let mut reader = Reader::from_str(text);
-    let (mut out, mut path) = (String::with_capacity(text.len()), Vec::<Open>::new());
+    let mut out = String::with_capacity(text.len());
+    let mut path = Vec::<Open>::new();
     // Depth, counted from the root, of the element that is being dropped, if any.
-    let (mut unread, mut looks) = (None, Looks::default());
+    let mut unread = None;
+    let mut looks = Looks::default();
     loop {
         let start = reader.buffer_position() as usize;
         let read = reader.read_event();
@@ -46,7 +48,8 @@ pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfErro
                 if path.len() == MAX_DEPTH {
                     return Err(refused(&path, at(start), &format!("elements nested more than {MAX_DEPTH} deep")));
                 }
-                let (name, attributes) = (name(tag), attributes(tag));
+                let name = name(tag);
+                let attributes = attributes(tag);
                 let own =
                     attributes.iter().find(|(key, _)| key == "name").map(|(_, own)| own.clone()).unwrap_or_default();
                 if let Some(above) = path.last_mut() {

@@ -228,8 +228,10 @@ fn gain(
     let envs = grounds * starts;
     let mut batch = Batch::new(system, &scenes[0], envs);
     batch.scenes = (0..envs).map(|env| scenes[env % grounds].clone()).collect();
-    let (mut data, mut dice) = (Data::new(&system.robot), stream(start.seed, 0));
-    let (nq, joints) = (system.robot.nq(), system.robot.joint_count());
+    let mut data = Data::new(&system.robot);
+    let mut dice = stream(start.seed, 0);
+    let nq = system.robot.nq();
+    let joints = system.robot.joint_count();
     for env in 0..envs {
         let start = &start.toss[env % grounds];
         let state = batch.state_mut(env);
@@ -247,13 +249,15 @@ fn gain(
         state[nq + 6..].iter_mut().for_each(|x| *x = start.rate * dice.random_range(-1.0..1.0));
     }
     let mut energy = |state: &[f64], env: usize| {
-        let (own, gravity) = (totals(&system.robot, state, &mut data), &scenes[env % grounds].gravity);
+        let own = totals(&system.robot, state, &mut data);
+        let gravity = &scenes[env % grounds].gravity;
         let height = start.toss[env % grounds].height;
         (own.energy(gravity), own.kinetic + own.mass * gravity.norm() * height)
     };
     let begun: Vec<(f64, f64)> = (0..envs).map(|env| energy(batch.state(env), env)).collect();
     let largest = system.torque_amplitudes();
-    let (mut torques, mut work) = (vec![0.0; envs * joints], vec![(0.0, 0.0); envs]);
+    let mut torques = vec![0.0; envs * joints];
+    let mut work = vec![(0.0, 0.0); envs];
     let mut worst = Gain { share: 0.0, ground: 0, frame: 0 };
     for frame in 0..(TIME / system.frame_time) as usize {
         if frame % HOLD == 0 {

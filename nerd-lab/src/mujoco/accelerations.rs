@@ -78,7 +78,8 @@ fn state(robot: &Robot, k: u64) -> Vec<f64> {
 /// Computes our forward dynamics at `state`, in MuJoCo's layout. A floating root has its linear acceleration in world
 /// axes, then its angular acceleration in root axes.
 fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
-    let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
+    let robot = &system.robot;
+    let (q, twist) = system.robot.split(state);
     let local = twist.to_local(robot, q);
     let mut tau = vec![0.0; robot.nv()];
     let root = robot.root_dofs();

@@ -84,7 +84,8 @@ fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
         surfaces.iter().enumerate().flat_map(|(k, own)| own.geoms.iter().map(move |geom| ((&*own.body, geom.0), k)));
     let numbers: HashMap<(&str, usize), usize> = all.collect();
     let number = |geom: &Geom| numbers.get(&(geom.body.as_str(), geom.place)).copied();
-    let (mut differences, mut met) = (Vec::new(), HashMap::<_, Vec<&Law>>::new());
+    let mut differences = Vec::new();
+    let mut met = HashMap::<_, Vec<&Law>>::new();
     for [a, b, law] in &theirs.pairs {
         let [a, b] = [a, b].map(|k| &theirs.geoms[*k]);
         match [number(a), number(b)] {

@@ -87,7 +87,8 @@ impl Referee {
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
         type States = Vec<Vec<Option<Vec<f64>>>>;
         let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed, "worlds": self.worlds });
-        let ((states, seconds), robot): ((States, Option<f64>), _) = (self.python.ask(&setting)?, &self.robot);
+        let (states, seconds): (States, Option<f64>) = self.python.ask(&setting)?;
+        let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played {
             frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(),

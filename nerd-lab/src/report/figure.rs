@@ -79,7 +79,8 @@ impl Figure {
         marks: impl IntoIterator<Item = Mark<'a>>,
         levels: Vec<(f64, String)>,
     ) -> Self {
-        let (mut front, mut series): (Vec<(f64, f64)>, Vec<Series>) = (Vec::new(), Vec::new());
+        let mut front: Vec<(f64, f64)> = Vec::new();
+        let mut series: Vec<Series> = Vec::new();
         for mark in marks {
             front.extend(mark.front.then_some((mark.cost, mark.error)));
             let point = Point { x: mark.cost, y: mark.error, label: mark.label };

@@ -63,7 +63,9 @@ impl Look {
 
     /// Appends the rods' tokens, `[rod][INPUTS]`, to `tokens`.
     pub fn tokens(&self, chain: &Chain, rods: &Rods, tokens: &mut Vec<f32>) {
-        let (before, after, velocity) = (rods.gripper.points(), self.glided.points(), self.glided.velocity);
+        let before = rods.gripper.points();
+        let after = self.glided.points();
+        let velocity = self.glided.velocity;
         let ahead = [(velocity - rods.gripper.velocity) * QUICK, velocity, (after[1] - before[1]) * 0.5, after[0]];
         for (k, Touch { normal, gap }) in self.touches.iter().enumerate() {
             let own = [rods.along[k], rods.rates[k] * 0.1, self.velocities[k] * 0.5, *normal];
@@ -85,15 +87,16 @@ impl Look {
     /// Adjoint of [`Look::tokens`]: adds to `gradient` the gradient with respect to the rods, from gradients with
     /// respect to tokens, `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
     pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], gradient: &mut Rods) -> Gripper {
-        let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
+        let mut nodes = Vec::with_capacity(chain.rods);
+        let mut speeds = Vec::with_capacity(chain.rods);
         let mut ahead = [Vector3::zeros(); 4];
         for (k, (Touch { normal, gap }, row)) in self.touches.iter().zip(upstream.as_chunks::<INPUTS>().0).enumerate() {
             let at = |first: usize| Vector3::new(row[first], row[first + 1], row[first + 2]).map(f64::from);
             gradient.along[k] += at(0);
             gradient.rates[k] += at(3) * 0.1;
             let speed = self.velocities[k].dot(normal);
-            let (sharp, soon) =
-                ((4.0 * gap / chain.radius).tanh(), ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh());
+            let sharp = (4.0 * gap / chain.radius).tanh();
+            let soon = ((gap + speed * chain.frame_time) / (0.75 * chain.radius)).tanh();
             let by_soon = f64::from(row[16]) * (1.0 - soon * soon) / (0.75 * chain.radius);
             let by_gap = 20.0 * f64::from(row[12])
                 - f64::from(row[13]) * (-gap.abs() / chain.radius).exp() / chain.radius

@@ -66,9 +66,12 @@ impl Chain {
     pub fn glide(&self, gripper: &Gripper, torques: &[f64]) -> Gripper {
         let mut next = *gripper;
         for (k, torque) in torques.iter().enumerate().take(6) {
-            let (home, [x, v]) = (if k < 3 { self.home[k] } else { 0.0 }, axis(&mut next, k));
-            let (goal, w) = (torque / self.stiffness[k] + home, self.pulse[k]);
-            let (e, fade) = (*x - goal, (-w * self.frame_time).exp());
+            let home = if k < 3 { self.home[k] } else { 0.0 };
+            let [x, v] = axis(&mut next, k);
+            let goal = torque / self.stiffness[k] + home;
+            let w = self.pulse[k];
+            let e = *x - goal;
+            let fade = (-w * self.frame_time).exp();
             let pull = *v + w * e;
             *x = goal + (e + pull * self.frame_time) * fade;
             *v = (*v - w * pull * self.frame_time) * fade;
@@ -81,7 +84,9 @@ impl Chain {
     pub fn glide_back(&self, upstream: &Gripper) -> Gripper {
         let mut gradient = *upstream;
         for k in 0..6 {
-            let (w, dt, [x, v]) = (self.pulse[k], self.frame_time, axis(&mut gradient, k));
+            let w = self.pulse[k];
+            let dt = self.frame_time;
+            let [x, v] = axis(&mut gradient, k);
             let fade = (-w * dt).exp();
             (*x, *v) = ((*x * (1.0 + w * dt) - *v * w * w * dt) * fade, (*x * dt + *v * (1.0 - w * dt)) * fade);
         }

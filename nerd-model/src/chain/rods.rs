@@ -47,7 +47,9 @@ impl Axes {
     /// Rotates the axes by `angle` (rad) about body axis k, and adds `rate` (rad/s) about it to their angular velocity.
     fn turn(&mut self, k: usize, angle: f64, rate: f64) {
         self.w += self.column(k) * rate;
-        let ((s, c), i, j) = (angle.sin_cos(), (k + 1) % 3, (k + 2) % 3);
+        let (s, c) = angle.sin_cos();
+        let i = (k + 1) % 3;
+        let j = (k + 2) % 3;
         let (x, y) = (self.column(i), self.column(j));
         self.r.set_column(i, &(x * c + y * s));
         self.r.set_column(j, &(y * c - x * s));
@@ -77,7 +79,8 @@ impl Chain {
             rates: vector(qd, 3),
         };
         let mut axes = Axes::of(&gripper);
-        let (mut along, mut rates) = (Vec::with_capacity(self.rods), Vec::with_capacity(self.rods));
+        let mut along = Vec::with_capacity(self.rods);
+        let mut rates = Vec::with_capacity(self.rods);
         for k in (6..q.len()).step_by(2) {
             axes.turn(2, q[k], qd[k]);
             axes.turn(1, q[k + 1], qd[k + 1]);
@@ -98,10 +101,12 @@ impl Chain {
         qd[3..6].copy_from_slice(rates.as_slice());
         let mut axes = Axes::of(&rods.gripper);
         for (k, (t, rate)) in rods.along.iter().zip(&rods.rates).enumerate() {
-            let (own, k) = (axes.r.tr_mul(t), 6 + 2 * k);
+            let own = axes.r.tr_mul(t);
+            let k = 6 + 2 * k;
             let level = own.x.hypot(own.y);
             (q[k], q[k + 1]) = (own.y.atan2(own.x), (-own.z).atan2(level));
-            let (r, size) = (rate - axes.w.cross(t), level.hypot(own.z));
+            let r = rate - axes.w.cross(t);
+            let size = level.hypot(own.z);
             let (cos, sin) = (level / size, -own.z / size);
             axes.turn(2, q[k], 0.0);
             qd[k] = r.dot(&axes.column(1)) / cos;

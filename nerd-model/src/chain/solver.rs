@@ -61,8 +61,9 @@ impl ChainSolver {
 impl Solver for ChainSolver {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check(batch, torques, &mut self.faults)?;
-        let (gravity, d, joints) =
-            (batch.system.gravity(), batch.system.robot.state_dim(), batch.system.robot.joint_count());
+        let gravity = batch.system.gravity();
+        let d = batch.system.robot.state_dim();
+        let joints = batch.system.robot.joint_count();
         if joints != 6 + 2 * self.chain.rods {
             return Err(StepError::Solver(format!(
                 "a chain of {} rods was learned, the robot has {joints} joints",
@@ -79,8 +80,12 @@ impl Solver for ChainSolver {
         self.next.extend_from_slice(&batch.states);
         let size = batch.len().div_ceil(rayon::current_num_threads()).max(1);
         self.work.resize_with(batch.len().div_ceil(size), Work::default);
-        let (chain, network, scale, rows, before, aside) =
-            (&self.chain, &self.network, &self.scale, &self.rows, &*batch, &self.faults);
+        let chain = &self.chain;
+        let network = &self.network;
+        let scale = &self.scale;
+        let rows = &self.rows;
+        let before = &*batch;
+        let aside = &self.faults;
         self.next.par_chunks_mut(size * d).zip(&mut self.work).enumerate().for_each(
             |(i, (next, Work { memory, tokens }))| {
                 for (env, next) in (i * size..).zip(next.chunks_exact_mut(d)) {

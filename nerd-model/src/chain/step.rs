@@ -22,7 +22,8 @@ pub struct Outputs<'a> {
 
 impl Outputs<'_> {
     fn vector(&self, rod: usize, first: usize) -> Vector3<f64> {
-        let (row, scale) = (&self.numbers[rod * OUTPUTS + first..][..3], &self.scale[first..]);
+        let row = &self.numbers[rod * OUTPUTS + first..][..3];
+        let scale = &self.scale[first..];
         Vector3::new(f64::from(row[0]) * scale[0], f64::from(row[1]) * scale[1], f64::from(row[2]) * scale[2])
     }
 }
@@ -54,8 +55,10 @@ impl Chain {
         let mut by_outputs = vec![0.0; self.rods * OUTPUTS];
         for (k, row) in by_outputs.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {
             let (u, raw) = self.raw(before, k, outputs);
-            let (size, t) = (raw.norm(), raw.normalize());
-            let (g, along) = (upstream.rates[k], t.dot(&u));
+            let size = raw.norm();
+            let t = raw.normalize();
+            let g = upstream.rates[k];
+            let along = t.dot(&u);
             let by_t = upstream.along[k] - g * along - u * t.dot(&g);
             let by_raw = (by_t - t * t.dot(&by_t)) / size;
             let by_u = g - t * t.dot(&g) + by_raw * (0.5 * self.frame_time);

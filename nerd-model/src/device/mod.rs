@@ -60,7 +60,8 @@ fn token_functions(
         Reach { colliders, fields, hulls, paired, ..Reach::default() },
         false,
     );
-    let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
+    let inputs = Features::inputs(system, form);
+    let moving = form.view == View::Moving;
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };

@@ -58,7 +58,8 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     let e = program.steps.first().map_or(0, |step| program.width(step.to));
     let mut tensors =
         program.tensors.iter().zip(program.starts()).map(|(t, at)| (&t.shape[..], &flat[at..at + t.len()])).peekable();
-    let (mut words, mut vectors) = (Vec::new(), Vec::new());
+    let mut words = Vec::new();
+    let mut vectors = Vec::new();
     while let Some((shape, x)) = tensors.next() {
         match (shape, tensors.peek()) {
             ([_], _) => vectors.extend(x.iter().copied().chain(std::iter::repeat(0.0)).take(e)),

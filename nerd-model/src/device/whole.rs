@@ -57,7 +57,8 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     // Row stride in shared memory that avoids bank conflicts.
     let apart = |width: usize| width.next_multiple_of(4) + 4;
     // Row stride and size (floats) of each of these: the residual stream h, the normalised rows, the activations.
-    let (row, size) = (apart(e), tokens * apart(e));
+    let row = apart(e);
+    let size = tokens * apart(e);
 
     let linear = |step: &Step,
                   (x, apart_x): (&str, usize),
@@ -65,7 +66,8 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
                   (y, apart_y): (&str, usize),
                   f: &str| {
         let Op::Linear { weight, bias, add, .. } = step.op else { return None };
-        let (inner, wide) = (program.width(step.from) / parts, program.width(step.to));
+        let inner = program.width(step.from) / parts;
+        let wide = program.width(step.to);
         let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| format!("w + {}", starts[bias.0]));
         // Weights are read four at a time.
         let aligned = !wide.is_multiple_of(4) || starts[weight.0].is_multiple_of(4);
@@ -88,7 +90,8 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
 
     // A row of zeros stands for tokens beyond the ends of a window.
     let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
-    let (most, floats) = (3 * size, 3 * size + zeros);
+    let most = 3 * size;
+    let floats = 3 * size + zeros;
     let warps = (e.max(outputs).div_ceil(4) * tokens.div_ceil(4)).div_ceil(32).min(MOST_WARPS);
     let mut text = Text::default();
     text.define([("T", tokens), ("WINDOWS", 1), ("ROWS", tokens), ("WARPS", warps)]);

@@ -38,7 +38,8 @@ impl Model {
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;
-        let (at_hand, read) = (system.robot_sha256(), model.sha256());
+        let at_hand = system.robot_sha256();
+        let read = model.sha256();
         if *robot_sha256 != at_hand {
             let (learned, this) = (short(robot_sha256), short(&at_hand));
             let differ = "its masses, joints, limits or contact points differ";

@@ -54,7 +54,8 @@ impl BurnNetwork {
                     x + rows.repeat(&[windows, 1])
                 }
                 Op::Norm => {
-                    let (ones, rows) = (Tensor::ones([x.dims()[1]], &x.device()), x);
+                    let ones = Tensor::ones([x.dims()[1]], &x.device());
+                    let rows = x;
                     burn::tensor::module::layer_norm(rows, ones, None, 1e-5)
                 }
                 Op::Attend { heads, band } => {
@@ -96,8 +97,11 @@ impl BurnNetwork {
 /// Attention from `[q k v]`, `[rows, 3 E]`, to its output `[rows, E]`. With a band and frequencies, queries and keys
 /// are rotated.
 fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[f64])>) -> Tensor<2> {
-    let ([rows, width], device) = (qkv.dims(), qkv.device());
-    let (windows, e, d) = (rows / tokens, width / 3, width / 3 / heads);
+    let [rows, width] = qkv.dims();
+    let device = qkv.device();
+    let windows = rows / tokens;
+    let e = width / 3;
+    let d = width / 3 / heads;
     let part = |i: usize| qkv.clone().narrow(1, i * e, e).reshape([windows, tokens, heads, d]).swap_dims(1, 2);
     let (q, k, v) = match rotary {
         None => (part(0), part(1), part(2)),
@@ -113,7 +117,8 @@ fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[
 
 /// Rotates the column pairs (m, m + d/2) of `[windows, heads, tokens, d]` by the angles of each token's position.
 fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
-    let ([_, _, tokens, d], device) = (x.dims(), x.device());
+    let [_, _, tokens, d] = x.dims();
+    let device = x.device();
     let angles = |f: fn(f64) -> f64| -> Tensor<4> {
         let values: Vec<f32> =
             (0..tokens).flat_map(|k| frequencies.iter().map(move |a| f(k as f64 * a) as f32)).collect();
@@ -126,9 +131,10 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
 
 /// Concatenates each row of `[windows tokens, width]` with the rows of the tokens `apart` before and after.
 fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
-    let ([rows, width], device) = (x.dims(), x.device());
-    let (x, beyond) =
-        (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));
+    let [rows, width] = x.dims();
+    let device = x.device();
+    let x = x.reshape([rows / tokens, tokens, width]);
+    let beyond = Tensor::<3>::zeros([rows / tokens, apart, width], &device);
     let padded = Tensor::cat(vec![beyond.clone(), x.clone(), beyond], 1);
     let (before, after) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
     Tensor::cat(vec![before, x, after], 2).reshape([rows, 3 * width])

@@ -35,7 +35,9 @@ impl TransformerConfig {
 /// position (Su et al. 2021), so only distances in time count. A token attends to the last h tokens alone. Keys and
 /// values never change once computed, and a rollout evaluates one token per frame.
 fn transformer(c: &TransformerConfig) -> Program {
-    let (e, small, scaled) = (c.embedding, Init::Normal(0.02), Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt()));
+    let e = c.embedding;
+    let small = Init::Normal(0.02);
+    let scaled = Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt());
     let mut p = Program::new(c.inputs);
     let x = p.linear("embed", p.tokens(), e, [small, Init::Constant(0.0)]);
     let band = match c.positions {
@@ -68,7 +70,8 @@ fn transformer(c: &TransformerConfig) -> Program {
 /// MLPs are gated, since dynamics are full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, with a and
 /// b three times as wide as x. The head is linear, `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
-    let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
+    let small = Init::Normal(0.02);
+    let scaled = Init::Normal(0.02 / (c.layers as f64).sqrt());
     let mut p = Program::new(c.inputs);
     let x = p.linear("embed", p.tokens(), c.embedding, [small, Init::Constant(0.0)]);
     for i in 0..c.layers {
@@ -92,7 +95,8 @@ fn residual(c: &TransformerConfig) -> Program {
 /// standard deviation is the last tensor, `log_std`, of `spread` numbers, which no step reads. Initial weights are
 /// uniform in +-1/sqrt(fan in), biases and `log_std` 0.
 pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program {
-    let (inputs, layers) = (widths.first().copied().unwrap_or(0), widths.len().saturating_sub(1));
+    let inputs = widths.first().copied().unwrap_or(0);
+    let layers = widths.len().saturating_sub(1);
     let mut p = Program::new(inputs);
     let mut x = p.tokens();
     for (k, width) in widths.iter().skip(1).enumerate() {
@@ -118,7 +122,8 @@ const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 /// and d = 1, 2, 4, 8, 16, 4, 2, 1, repeated; at last `W_out norm(h) + b_out`. Initial outputs are small, so that an
 /// untrained chain keeps its velocity. No norm has a weight: the next matrix would absorb it.
 fn chain(c: &TransformerConfig) -> Program {
-    let (e, none) = (c.embedding, Init::Constant(0.0));
+    let e = c.embedding;
+    let none = Init::Constant(0.0);
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());
     let mut p = Program::new(c.inputs);
     let h = p.linear("embed", p.tokens(), e, [spread(c.inputs, 1.0), none]);

@@ -79,7 +79,8 @@ impl PackedForward {
 impl Forward for PackedForward {
     fn forward(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> ForwardResult {
         check(&self.config, inputs, tokens, last)?;
-        let (c, network) = (self.config, &self.network);
+        let c = self.config;
+        let network = &self.network;
         out.clear();
         out.resize(last.len() * c.outputs, 0.0);
         let size = even(last.len(), (ROWS / tokens).max(1));

@@ -60,7 +60,8 @@ impl PackedStream {
 
 impl Stream for PackedStream {
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
-        let (network, c) = (&self.network, self.network.config);
+        let network = &self.network;
+        let c = self.network.config;
         let envs = check(&c, tokens)?;
         self.envs.resize_with(envs, || Env { taken: 0, place: Vec::new(), past: vec![0.0; c.layers * network.ring] });
         out.resize(envs * c.outputs, 0.0);

@@ -35,7 +35,8 @@ impl<F: Forward> Windowed<F> {
     }
 
     fn remember(&mut self, env: usize, token: &[f32]) {
-        let (h, width) = (self.config.reach(), self.config.inputs);
+        let h = self.config.reach();
+        let width = self.config.inputs;
         let past = &mut self.tokens[env * h * width..(env + 1) * h * width];
         if self.held[env] == h {
             past.copy_within(width.., 0);
@@ -48,7 +49,8 @@ impl<F: Forward> Windowed<F> {
 
 impl<F: Forward> Stream for Windowed<F> {
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> ForwardResult {
-        let (h, width) = (self.config.reach(), self.config.inputs);
+        let h = self.config.reach();
+        let width = self.config.inputs;
         let envs = check(&self.config, tokens)?;
         self.tokens.resize(envs * h * width, 0.0);
         self.held.resize(envs, 0);

@@ -106,7 +106,8 @@ impl Weights {
     /// finite.
     pub fn from_bytes(config: TransformerConfig, bytes: &[u8]) -> Result<Self, WeightsError> {
         Self::check_size(&config, bytes.len() as u64)?;
-        let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());
+        let file = SafeTensors::deserialize(bytes)?;
+        let tensors = config.tensors();
         if let Some(name) = file.names().into_iter().find(|name| tensors.iter().all(|t| t.name != **name)) {
             return Err(WeightsError(format!(
                 "tensor `{name}` is not one of the configuration's: the file is another network's"

@@ -46,7 +46,8 @@ impl Tree {
     /// (`stand_ins`).
     pub(super) fn new(system: &System) -> Option<Self> {
         let robot = &system.robot;
-        let (links, joints) = (robot.links.len(), robot.joint_count());
+        let links = robot.links.len();
+        let joints = robot.joint_count();
         (along(robot) && system.stand_ins.is_empty()).then(|| TreeFactor::new(robot)).flatten().map(|factor| Self {
             factor,
             links: vec![Matrix6::zeros(); links],
@@ -86,7 +87,9 @@ impl Tree {
     /// Adds a contact's force and its resistance `h D`, `D = (along - across) n n^T + across`.
     pub(super) fn point(&mut self, contact: &Contact, h: f64) {
         let (force, along, across) = contact.push(h);
-        let (link, n, b) = (contact.link, &contact.normal, contact.x.cross_matrix());
+        let link = contact.link;
+        let n = &contact.normal;
+        let b = contact.x.cross_matrix();
         let d = (n * n.transpose() * (along - across) + Matrix3::identity() * across) * h;
         // J_x = [-x^, 1].
         let bd = b * d;

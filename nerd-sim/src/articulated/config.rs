@@ -99,7 +99,8 @@ impl ArticulatedConfig {
     /// Theta method for contact, limits and joint damping: of second order, and stable with few substeps. `substeps`
     /// sets `contact_substeps`. Frames in free space always take four substeps of RK4.
     pub fn implicit(substeps: usize, friction: Friction) -> Self {
-        let (integrator, contact_step) = (Integrator::Rk4, ContactStep::Implicit);
+        let integrator = Integrator::Rk4;
+        let contact_step = ContactStep::Implicit;
         Self { integrator, substeps: 4, contact_step, ..Self::explicit(substeps, friction) }
     }
 

@@ -83,11 +83,13 @@ impl Workspace {
         let (before, after) = (before?, after?);
         // E: K + S at the frame's end without a gain.
         let expected = before.kinetic_and_springs + work - (after.potential - before.potential);
-        let (gain, scale) = (after.kinetic_and_springs - expected, before.kinetic_and_springs.max(expected));
+        let gain = after.kinetic_and_springs - expected;
+        let scale = before.kinetic_and_springs.max(expected);
         let fallen = 0.5 * system.robot.mass() * (scene.gravity.norm() * system.frame_time).powi(2);
         let free = !asked.contact && system.folds.is_empty();
         let share = if free { GAIN_TOLERANCE_FREE } else { GAIN_TOLERANCE };
-        let (mut most, mut times) = (share * scale + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen, 1);
+        let mut most = share * scale + WORK_TOLERANCE * effort + FALL_TOLERANCE * fallen;
+        let mut times = 1;
         let over = if gain <= most { 0.0 } else { gain - most };
         let left =
             if over < after.kinetic.min(scale) { (1.0 - over / after.kinetic).sqrt() } else { f64::from(over == 0.0) };
@@ -116,9 +118,11 @@ impl Workspace {
         velocities(robot, qd, &mut self.data);
         let queried = if self.materials.is_empty() { Ok(()) } else { self.query(system, scene, qd, 0.0, 0.0) };
         queried.map_err(|lost| gone(system, q).unwrap_or(lost))?;
-        let (mut energy, data) = (Energy::default(), &self.data);
+        let mut energy = Energy::default();
+        let data = &self.data;
         for (i, link) in robot.links.iter().enumerate() {
-            let (body, r) = (&link.inertia, &data.rotation[i]);
+            let body = &link.inertia;
+            let r = &data.rotation[i];
             let com = data.position[i] + r * body.com;
             let (w, v) = (r.tr_mul(&data.velocity[i].ang), data.velocity[i].at(&com));
             let rotor = link.joint.as_ref().map_or(0.0, |j| j.armature * (j.ratio() * qd[data.dof[i]]).powi(2));

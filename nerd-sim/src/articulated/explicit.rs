@@ -67,7 +67,8 @@ impl Workspace {
         let origin = self.data.origin;
         let mut moving = false;
         for (owner, event) in self.owners.iter().zip(&self.events) {
-            let (point, n) = (&robot.contact_points[*owner], &event.normal);
+            let point = &robot.contact_points[*owner];
+            let n = &event.normal;
             let rotation = &self.data.rotation[point.link];
             let p0 = self.data.position[point.link] + rotation * point.facing(rotation, n);
             let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider)
@@ -175,7 +176,9 @@ impl Workspace {
 
 /// Time derivative of (q, qd) in local velocities: `p_ddot = a + w x p_dot`, `Q_dot = (w, 0) Q / 2`.
 fn rate(robot: &Robot, q: &[f64], qd: &[f64], qdd: &[f64], out: &mut [f64]) {
-    let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
+    let dofs = robot.root_dofs();
+    let coords = robot.root_coords();
+    let nq = robot.nq();
     out[coords..nq].copy_from_slice(&qd[dofs..]);
     out[nq..].copy_from_slice(qdd);
     if robot.floating() {

@@ -24,12 +24,15 @@ impl Workspace {
 
     /// Finds the contacts among the substep's contact events.
     fn find_contacts(&mut self, system: &System, scene: &Scene, h: f64) {
-        let (robot, materials, data) = (&system.robot, &self.materials, &self.data);
+        let robot = &system.robot;
+        let materials = &self.materials;
+        let data = &self.data;
         // Below this gap (m) gravity may land a point within the substep, although its present velocity would not.
         let fall = h * h * scene.gravity.norm();
         let Touches { touches, columns, tree, may_gain_energy, .. } = &mut self.touches;
         for (owner, event) in self.owners.iter().zip(&self.events) {
-            let (point, n) = (&robot.contact_points[*owner], event.normal);
+            let point = &robot.contact_points[*owner];
+            let n = event.normal;
             let Some(whole) = materials.of(system, point, &scene.colliders[event.collider], event.collider) else {
                 continue;
             };
@@ -77,7 +80,8 @@ impl Workspace {
 
     /// Finds the joints with dry friction.
     fn find_friction(&mut self, robot: &Robot, qd: &[f64]) {
-        let (touches, dofs) = (&mut self.touches.touches, robot.root_dofs());
+        let touches = &mut self.touches.touches;
+        let dofs = robot.root_dofs();
         for (joint, friction) in robot.joints().map(|j| j.friction).enumerate().filter(|(_, friction)| *friction > 0.0)
         {
             touches.push(Touch::Friction(DryFriction { joint, most: friction, rate: qd[dofs + joint], drag: 0.0 }));
@@ -86,7 +90,9 @@ impl Workspace {
 
     /// Finds the drives; `pairs`: number of pairs of point and collider.
     fn find_drives(&mut self, robot: &Robot, pairs: usize, q: &[f64], qd: &[f64]) {
-        let (touches, dofs, joints) = (&mut self.touches.touches, robot.root_dofs(), robot.joint_count());
+        let touches = &mut self.touches.touches;
+        let dofs = robot.root_dofs();
+        let joints = robot.joint_count();
         for ((joint, modelled), drive) in robot.joints().enumerate().zip(&self.drives) {
             let (x, v) = (q[robot.root_coords() + joint], qd[dofs + joint]);
             let spring = Spring {
@@ -106,7 +112,8 @@ impl Workspace {
 
     /// Finds the joints beyond a limit, and sets the torques of springs; `pairs` as in [`Self::find_drives`].
     fn find_limits(&mut self, robot: &Robot, pairs: usize, q: &[f64], qd: &[f64], h: f64) {
-        let (Touches { touches, pull, .. }, dofs) = (&mut self.touches, robot.root_dofs());
+        let Touches { touches, pull, .. } = &mut self.touches;
+        let dofs = robot.root_dofs();
         for (joint, modelled) in robot.joints().enumerate() {
             let x = q[robot.root_coords() + joint];
             pull[joint] = modelled.stiffness * (modelled.rest - x);
@@ -177,8 +184,10 @@ pub(super) fn above(
 /// `margin` (m) of the surface over `half` a substep (s).
 #[inline(never)]
 fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, half: f64) -> Option<Vector3<f64>> {
-    let (rotation, twist, n, reach) =
-        (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());
+    let rotation = &data.rotation[point.link];
+    let twist = &data.velocity[point.link];
+    let n = &event.normal;
+    let reach = point.reach();
     let middle = data.position[point.link] + rotation * point.local;
     let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
     let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius - margin <= half * speed;

@@ -43,9 +43,12 @@ struct Met {
 fn meetings(system: &System, inv_mass: &[f64], first_h: f64, h: f64, data: &Data, mut met: impl FnMut(Met)) {
     let folds = &system.folds;
     for (k, (parts, inv_mass)) in folds.pairs.iter().zip(inv_mass).enumerate() {
-        let ([a, b], links) = (parts, parts.map(|part| folds.links[part]));
+        let [a, b] = parts;
+        let links = parts.map(|part| folds.links[part]);
         let ball = |part: usize, link: usize| data.position[link] + data.rotation[link] * folds.balls[part].0;
-        let (centre, other, reach) = (ball(*a, links[0]), ball(*b, links[1]), folds.balls[*a].1 + folds.balls[*b].1);
+        let centre = ball(*a, links[0]);
+        let other = ball(*b, links[1]);
+        let reach = folds.balls[*a].1 + folds.balls[*b].1;
         let twist = data.velocity[links[0]] - data.velocity[links[1]];
         let way = 0.5 * h * (twist.at(&centre).norm() + twist.ang.norm() * reach);
         let material = system.folding(k);
@@ -59,7 +62,8 @@ fn meetings(system: &System, inv_mass: &[f64], first_h: f64, h: f64, data: &Data
         for one in folds.placed(*a, data).filter(near) {
             for other in folds.placed(*b, data) {
                 let found = one.meets(&other);
-                let (gap, velocity) = (found.gap - material.margin, twist.at(&found.place));
+                let gap = found.gap - material.margin;
+                let velocity = twist.at(&found.place);
                 met(Met { links, material, gap, normal: found.normal, place: found.place, velocity });
             }
         }

@@ -158,7 +158,8 @@ impl Workspace {
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
-        let (h, rates) = (system.frame_time / config.substeps as f64, &state[robot.nq()..]);
+        let h = system.frame_time / config.substeps as f64;
+        let rates = &state[robot.nq()..];
         self.touches.may_gain_energy = rates[robot.root_dofs()..].iter().any(|v| v.abs() * h > FAST_TURN_RK4);
         let mut finer = *asked;
         if robot.floating() && !contact && config.integrator == Integrator::Rk4 {

@@ -95,7 +95,8 @@ impl Workspace {
         q: &mut [f64],
         qd: &mut [f64],
     ) -> Result<(), String> {
-        let (Asked { system, scene, config, .. }, h) = (*settings.asked, settings.h);
+        let Asked { system, scene, config, .. } = *settings.asked;
+        let h = settings.h;
         let robot = &system.robot;
         let half = 0.5 * h;
         if self.touches.tree.is_some() {
@@ -193,7 +194,8 @@ impl Workspace {
         let w = if let Some(tree) = tree {
             Matrix3::from_columns(&[0, 1, 2].map(|k| tree.response(contact, &Vector3::ith(k, 1.0))))
         } else {
-            let (mut last, columns) = (0, &columns[contact.columns.clone()]);
+            let mut last = 0;
+            let columns = &columns[contact.columns.clone()];
             point_columns.fill(Vector3::zeros());
             for (k, a) in columns {
                 // Mimic joints share a column.

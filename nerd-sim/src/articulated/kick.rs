@@ -3,10 +3,11 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
+use super::press::{moved, press, press_turns, turns};
 use super::spin::{SPIN_PASSES, Spin};
 use super::stick::{BREAKAWAY_SOLVES, HELD_FACTOR};
-use super::touch::{Contact, Touch};
-use super::{along::Tree, config::Asked, touches::Touches, workspace::Workspace};
+use super::touch::Touch;
+use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
 /// Most solves of a substep.
@@ -32,104 +33,171 @@ pub(super) struct Substep<'a> {
     pub(super) h: f64,
 }
 
+/// Progress of a substep's solves.
+struct Search {
+    /// Whether the middle velocity is to be set: all of it, from the last rate, or the root's `spin` alone.
+    stale: bool,
+    all: bool,
+    spin: Option<Vector3<f64>>,
+    /// Whether the next rate corrects the middle velocity, and whether one has.
+    correct: bool,
+    corrected: bool,
+    /// Whether the last solution changed no touch, and whether its middle velocity was within [`LOST`].
+    quiet: bool,
+    found: bool,
+    /// `w x v` of the root at the middle.
+    turn: Vector3<f64>,
+}
+
+impl Search {
+    fn new(correct: bool) -> Self {
+        Self {
+            stale: true,
+            all: true,
+            spin: None,
+            correct,
+            corrected: false,
+            quiet: false,
+            found: true,
+            turn: Vector3::zeros(),
+        }
+    }
+
+    /// Whether a middle velocity can be found, after a solution with the error `jump` ([`Workspace::jump`]). In a chain
+    /// that whips, the last substep's rate predicts this substep's middle velocity badly.
+    fn predicts(&mut self, jump: f64, changed: bool) -> bool {
+        self.found = jump <= LOST;
+        // A jump of the velocity because a point has parted is no whip.
+        if !jump.is_finite() || self.corrected && self.quiet && !self.found {
+            return false;
+        }
+        self.correct |= jump > if self.corrected { LOST } else { OFF };
+        self.quiet = !changed;
+        true
+    }
+}
+
 impl Workspace {
     /// Computes `rate`, the rate of change of local velocities over h, from the forces at the substep's middle. `false`
     /// if the substep is too long to find its middle velocity.
     pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
-        let (Substep { h, settled, .. }, Asked { system, scene, config, tau, .. }) = (*own, *own.asked);
-        let robot = &system.robot;
-        let dofs = robot.root_dofs();
-        let Touches { touches, shares, mass, tree, .. } = &mut self.touches;
-        if tree.is_none() {
-            shares.iter().enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
-            if !touches.is_empty() {
-                mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
-            }
-        }
+        let Substep { h, settled, .. } = *own;
+        let robot = &own.asked.system.robot;
+        self.add_shares(robot);
         let spins = Spin::of(robot, &self.data, (h, settled), qd);
-        let (mut turn, mut spin) = (Vector3::zeros(), None);
         // A root that turns fast may gain energy, as a joint may.
         self.touches.may_gain_energy |= spins.is_some();
         let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
-        let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) =
-            (true, true, first, false, false, true);
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();
         }
+        let mut search = Search::new(first);
         for pass in 0..passes {
-            let Touches { touches, middle, rate, right, pull, damping_used, .. } = &mut self.touches;
-            if stale {
-                if all {
-                    middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
-                }
-                if let Some(w) = spin {
-                    middle[..3].copy_from_slice(Vector3::as_slice(&w));
-                }
-                bias(robot, middle, &scene.gravity, &mut self.data);
-                if robot.floating() {
-                    // The derivative of the root's velocity is its spatial acceleration plus w x v.
-                    turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
-                }
-                let free = scene.gravity - turn;
-                for touch in touches.iter_mut() {
-                    if let Touch::Contact(contact) = touch {
-                        if all && pass > 0 && config.friction == Friction::Coulomb {
-                            contact.hold(&(contact.wrench() * HELD_FACTOR));
-                        }
-                        contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
-                    }
-                }
-                right.iter_mut().zip(self.data.tau.as_slice()).for_each(|(r, t)| *r = -t);
-                for (i, right) in right[dofs..].iter_mut().enumerate() {
-                    *right += tau[i] + pull[i] - damping_used[i] * qd[dofs + i];
-                }
+            if search.stale {
+                self.renew(own, qd, &mut search, pass);
             }
             self.solve(robot, h, pass > 0)?;
-            let changed = self.settle(robot, h, settled, config.friction, pass);
+            let changed = self.settle(robot, h, settled, own.asked.config.friction, pass);
             // A rate found before all drives are within their bounds does not correct the middle velocity.
             let wait = changed && !self.drives.is_empty();
-            let Touches { middle, rate, tree, .. } = &mut self.touches;
-            if tree.is_some() {
-                // In a chain that whips, the last substep's rate predicts this substep's middle velocity badly.
-                let joints = middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(dofs);
-                let jump = joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h;
-                found = jump <= LOST;
-                // A jump of the velocity because a point has parted is no whip.
-                if !jump.is_finite() || corrected && quiet && !found {
-                    return Ok(false);
-                }
-                correct |= jump > if corrected { LOST } else { OFF };
-                quiet = !changed;
+            if self.touches.tree.is_some() && !search.predicts(self.jump(robot, h, qd), changed) {
+                return Ok(false);
             }
-            rate.copy_from_slice(self.data.qdd.as_slice());
-            if robot.floating() {
-                (0..3).for_each(|k| rate[3 + k] += turn[k]);
+            self.take_rate(robot, &search.turn);
+            let turned = search.spin.is_some();
+            let Touches { middle, rate, .. } = &self.touches;
+            let free = !(search.correct && wait);
+            search.spin = spins.as_ref().filter(|_| free).and_then(|spins| spins.next(qd, middle, rate));
+            let done = !changed && !search.correct && search.spin.is_none();
+            search.all = search.correct && !wait;
+            if done || search.all || pass + 1 == passes {
+                let spun = spins.is_some().then_some(turned || !search.all);
+                self.record(h, qd, search.all, pass == 0, spun);
             }
-            let turned = spin.is_some();
-            spin = spins.as_ref().filter(|_| !(correct && wait)).and_then(|spins| spins.next(qd, middle, rate));
-            let done = !changed && !correct && spin.is_none();
-            all = correct && !wait;
-            if let Some(kept) = self.kept.as_mut().filter(|_| done || all || pass + 1 == passes) {
-                kept.stage(&self.touches, all && pass == 0, spins.is_some() && (turned || !all));
-                if spins.is_some() && !all {
-                    // For the gradient the recorded middle is the mean of both ends to rounding, not to the tolerance.
-                    let mean = |k: usize| qd[k] + 0.5 * h * self.touches.rate[k];
-                    kept.stages
-                        .iter_mut()
-                        .last()
-                        .into_iter()
-                        .for_each(|stage| (0..3).for_each(|k| stage.middle[k] = mean(k)));
-                }
-            }
-            stale = all || spin.is_some();
+            search.stale = search.all || search.spin.is_some();
             if done {
                 return Ok(true);
             }
-            correct &= wait;
-            corrected |= all;
+            search.correct &= wait;
+            search.corrected |= search.all;
         }
         self.touches.may_gain_energy = true;
-        Ok(found)
+        Ok(search.found)
+    }
+
+    /// Adds the joints' implicit resistance to the mass matrix, and keeps the sum for further solves.
+    fn add_shares(&mut self, robot: &Robot) {
+        let Touches { touches, shares, mass, tree, .. } = &mut self.touches;
+        if tree.is_some() {
+            return;
+        }
+        let dofs = robot.root_dofs();
+        shares.iter().enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
+        if !touches.is_empty() {
+            mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
+        }
+    }
+
+    /// Sets the middle velocity, and computes what follows from it: bias, right-hand side, and the contacts' velocities.
+    fn renew(&mut self, own: &Substep, qd: &[f64], search: &mut Search, pass: usize) {
+        let Asked { system, scene, config, tau, .. } = *own.asked;
+        let h = own.h;
+        let robot = &system.robot;
+        let dofs = robot.root_dofs();
+        let Touches { touches, middle, rate, right, pull, damping_used, .. } = &mut self.touches;
+        if search.all {
+            middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
+        }
+        if let Some(w) = search.spin {
+            middle[..3].copy_from_slice(Vector3::as_slice(&w));
+        }
+        bias(robot, middle, &scene.gravity, &mut self.data);
+        if robot.floating() {
+            // The derivative of the root's velocity is its spatial acceleration plus w x v.
+            search.turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
+        }
+        let free = scene.gravity - search.turn;
+        let holds = search.all && pass > 0 && config.friction == Friction::Coulomb;
+        for touch in touches.iter_mut() {
+            let Touch::Contact(contact) = touch else { continue };
+            if holds {
+                contact.hold(&(contact.wrench() * HELD_FACTOR));
+            }
+            contact.bend(&robot.contact_points[contact.point], &self.data, &free, &search.turn, h);
+        }
+        right.iter_mut().zip(self.data.tau.as_slice()).for_each(|(r, t)| *r = -t);
+        for (i, right) in right[dofs..].iter_mut().enumerate() {
+            *right += tau[i] + pull[i] - damping_used[i] * qd[dofs + i];
+        }
+    }
+
+    /// Largest error (rad or m) of a joint's middle velocity in the last solution, times h.
+    fn jump(&self, robot: &Robot, h: f64, qd: &[f64]) -> f64 {
+        let joints = self.touches.middle.iter().zip(qd.iter().zip(self.data.qdd.iter())).skip(robot.root_dofs());
+        joints.fold(0.0f64, |most, (m, (v, a))| most.max((v + 0.5 * h * a - m).abs())) * h
+    }
+
+    /// Takes the rate of local velocities from the last solution; `turn`: `w x v` of the root.
+    fn take_rate(&mut self, robot: &Robot, turn: &Vector3<f64>) {
+        let rate = &mut self.touches.rate;
+        rate.copy_from_slice(self.data.qdd.as_slice());
+        if robot.floating() {
+            (0..3).for_each(|k| rate[3 + k] += turn[k]);
+        }
+    }
+
+    /// Records a stage for the backward pass. `all`: whether the rate is to correct the middle velocity. `spun`: for a
+    /// root that spins, whether the stage's rate found its middle angular velocity.
+    fn record(&mut self, h: f64, qd: &[f64], all: bool, first: bool, spun: Option<bool>) {
+        let Some(kept) = &mut self.kept else { return };
+        kept.stage(&self.touches, all && first, spun.unwrap_or(false));
+        if spun.is_some()
+            && !all
+            && let Some(stage) = kept.stages.last_mut()
+        {
+            // For the gradient the recorded middle is the mean of both ends to rounding, not to the tolerance.
+            (0..3).for_each(|k| stage.middle[k] = qd[k] + 0.5 * h * self.touches.rate[k]);
+        }
     }
 
     /// Solves for accelerations with the touches that have not parted. The first solve expects the matrix without
@@ -189,7 +257,8 @@ impl Workspace {
     /// Updates each touch: drags follow from force and slip at the solution, and a point that would pull has parted.
     /// Returns whether anything changed.
     fn settle(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> bool {
-        let (mut changed, dofs) = (false, robot.root_dofs());
+        let mut changed = false;
+        let dofs = robot.root_dofs();
         let Touches { touches, columns, tree, may_gain_energy, creeps, .. } = &mut self.touches;
         *creeps = false;
         for touch in touches.iter_mut() {
@@ -233,60 +302,4 @@ impl Workspace {
         }
         changed
     }
-}
-
-/// Change (m/s) `h J qdd` of a contact's velocity in the last solution.
-#[inline]
-fn moved(
-    contact: &Contact,
-    columns: &[(usize, Vector3<f64>)],
-    tree: Option<&Tree>,
-    qdd: &DVector<f64>,
-    h: f64,
-) -> Vector3<f64> {
-    match tree {
-        Some(tree) => tree.at(contact.link, &contact.x) * h,
-        None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * qdd[*k])).sum(),
-    }
-}
-
-/// Adds a contact's force to `data.qdd`, and its resistance `h D` to the lower triangle of `data.mass`.
-#[inline]
-fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
-    let (n, (force, along, across)) = (&contact.normal, contact.push(h));
-    for (i, a) in columns {
-        data.qdd[*i] += a.dot(&force);
-        // h D a
-        let d = (n * ((along - across) * n.dot(a)) + a * across) * h;
-        for (j, b) in columns.iter().filter(|(j, _)| j <= i) {
-            data.mass[(*i, *j)] += b.dot(&d);
-        }
-    }
-}
-
-/// Adds torques of torsional and rolling friction to `data.qdd`, and their resistance to the lower triangle of
-/// `data.mass`.
-fn press_turns(robot: &Robot, data: &mut Data, contact: &Contact, h: f64) {
-    let (turning, n) = (&contact.turning, &contact.normal);
-    let torque = turning.resists(n, &(turning.spin - turning.turn_offset));
-    let Data { dof, axis, qdd, mass, .. } = data;
-    for (i, a) in turns(robot, (dof, axis), contact.link) {
-        qdd[i] += a.dot(&torque);
-        let resists = -turning.resists(n, &a) * h;
-        for (j, b) in turns(robot, (dof, axis), contact.link).filter(|(j, _)| *j <= i) {
-            mass[(i, j)] += b.dot(&resists);
-        }
-    }
-}
-
-/// Columns of the Jacobian of a link's angular velocity, each with its DoF.
-pub(super) fn turns<'a>(
-    robot: &'a Robot,
-    (dof, axis): (&'a [usize], &'a [Motion]),
-    link: usize,
-) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'a {
-    robot.ancestors(link).flat_map(move |i| {
-        let own = robot.links[i].joint.is_some();
-        (0..if own { 1 } else { 3 }).map(move |k| if own { (dof[i], axis[i].ang) } else { (k, Vector3::ith(k, 1.0)) })
-    })
 }

@@ -21,7 +21,8 @@ pub(super) struct Memory {
 
 impl Memory {
     pub(super) fn new(robot: &Robot) -> Self {
-        let (n, nv) = (robot.links.len(), robot.nv());
+        let n = robot.links.len();
+        let nv = robot.nv();
         Self {
             kept: Kept::default(),
             adjoint: Adjoint::new(robot),

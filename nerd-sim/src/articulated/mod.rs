@@ -17,11 +17,11 @@
 //! | law of friction: a drag (N s/m) | `drag` in `force.rs`, `stick.rs` | `drag`, `breaking` in `touch.cuh` |
 //! | thetas and first drag | `set_thetas` in `touch.rs` | `set_thetas` in `implicit.cuh` |
 //! | force at this drag | `push` in `touch.rs` | `push` in `press.cuh` |
-//! | solves for accelerations | `kick.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
+//! | solves for accelerations | `kick.rs`, `press.rs`, `along.rs` | `implicit.cuh`, `press.cuh`, `along.cuh` |
 //! | force and next drag, after a solve | `settle` in `touch.rs` | `update_touches` in `press.cuh` |
 //! | torsional and rolling friction | `turning.rs` | `touch.cuh`, `press.cuh`, where `TURNS` |
 //! | self-collision | `fold.rs` | `fold.cuh` |
-//! | derivatives | `gradients/law.rs`, `gradients/turn.rs` | `law.cuh` |
+//! | derivatives | `gradients/law.rs`, `gradients/contact_law.rs`, `gradients/turn.rs` | `law.cuh` |
 //!
 //! Two places compute a joint's own forces. `explicit.rs` (`accelerate`) computes them for explicit substeps.
 //! `implicit.rs` (`Damped`), `find.rs` (limits, drives, dry friction, springs) and `kick.rs` compute them for implicit
@@ -44,6 +44,7 @@ mod implicit;
 mod kept;
 mod kick;
 mod memory;
+mod press;
 mod solver;
 mod spin;
 mod stick;

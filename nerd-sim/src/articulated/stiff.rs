@@ -185,7 +185,8 @@ pub(super) fn inv_mass(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
 
 /// Upper bound on w n (1/kg) of each pair of links in any pose, as if both links were free.
 fn inv_masses(system: &System) -> Vec<f64> {
-    let (links, folds) = (&system.robot.links, &system.folds);
+    let links = &system.robot.links;
+    let folds = &system.folds;
     // w is largest at the ends of a capsule's axis; a force at its surface goes through the axis.
     let ends = |part: usize| {
         folds.capsules[folds.own[part].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half])
@@ -206,7 +207,8 @@ fn least_inertia(system: &System, i: usize) -> Option<f64> {
     if !system.stand_ins.is_empty() {
         return Some(joint.armature);
     }
-    let (axis, own) = (joint.axis().into_inner(), &link.inertia);
+    let axis = joint.axis().into_inner();
+    let own = &link.inertia;
     let links = match (joint.kind, link.parent) {
         (JointKind::Prismatic, None) => own.mass,
         (JointKind::Prismatic, Some(_)) => 0.0,

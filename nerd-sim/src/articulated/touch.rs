@@ -187,9 +187,12 @@ impl Contact {
     /// Force (N) on the robot at zero `qdd`, and resistances (N s/m) along and across its normal: the entries of D.
     #[inline]
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
-        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.theta);
+        let n = &self.normal;
+        let m = &self.material;
+        let [spring, damper, slide] = self.theta;
         let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.drag);
-        let (velocity, turn) = (&self.start, &self.turn);
+        let velocity = &self.start;
+        let turn = &self.turn;
         let vn = n.dot(velocity);
         let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn - self.slip_offset) * self.drag;
         (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
@@ -215,8 +218,11 @@ impl Contact {
         friction: Friction,
         (settled, pass): (f64, usize),
     ) -> bool {
-        let (n, m, [spring, damper, slide]) = (self.normal, &self.material, self.theta);
-        let (velocity, change) = (&self.start, change + self.turn);
+        let n = self.normal;
+        let m = &self.material;
+        let [spring, damper, slide] = self.theta;
+        let velocity = &self.start;
+        let change = change + self.turn;
         let (vn, dn) = (n.dot(velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
@@ -224,7 +230,8 @@ impl Contact {
         let slip = seen - n * n.dot(&seen) - self.slip_offset;
         self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.drag };
         let mut next = drag(normal.max(0.0), slip.norm(), m, friction);
-        let (mut tolerance, damping) = (settled, m.damping);
+        let mut tolerance = settled;
+        let damping = m.damping;
         if friction == Friction::Coulomb {
             let inertia = 2.0 * m.friction_damping / STICK_DRAG;
             if pass < BREAKAWAY_SOLVES {

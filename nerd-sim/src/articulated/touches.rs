@@ -55,7 +55,9 @@ pub(super) struct Touches {
 impl Touches {
     pub(super) fn new(system: &System) -> Self {
         let robot = &system.robot;
-        let (points, joints, nv) = (robot.contact_points.len(), robot.joint_count(), robot.nv());
+        let points = robot.contact_points.len();
+        let joints = robot.joint_count();
+        let nv = robot.nv();
         Self {
             touches: Vec::with_capacity(points + 3 * joints),
             columns: Vec::with_capacity(points * nv),
@@ -108,7 +110,8 @@ impl Touches {
 
     /// Begins a frame, with room for every point to touch every collider.
     pub(super) fn begin(&mut self, robot: &Robot, scene: &Scene) {
-        let (pairs, joints) = (robot.contact_points.len() * scene.colliders.len(), robot.joint_count());
+        let pairs = robot.contact_points.len() * scene.colliders.len();
+        let joints = robot.joint_count();
         self.damped_h = 0.0;
         self.weights.clear();
         self.weights.resize(pairs + 2 * joints, None);

@@ -67,9 +67,12 @@ impl Turning {
         change: &Vector3<f64>,
         (settled, leap): (f64, bool),
     ) -> bool {
-        let (normal, slip) = (force.map_or(0.0, |f| n.dot(f).max(0.0)), self.spin + change - self.turn_offset);
+        let normal = force.map_or(0.0, |f| n.dot(f).max(0.0));
+        let slip = self.spin + change - self.turn_offset;
         self.torque = if force.is_some() { self.resists(n, &slip) } else { Vector3::zeros() };
-        let (laws, inertia, old) = (self.laws(n, m, &slip), TURN_INERTIA * self.stick(m) / STICK_DRAG, self.drags);
+        let laws = self.laws(n, m, &slip);
+        let inertia = TURN_INERTIA * self.stick(m) / STICK_DRAG;
+        let old = self.drags;
         for (own, (rate, law)) in self.drags.iter_mut().zip(&laws) {
             *own = if leap {
                 breaking(normal, *rate, *own, law, inertia)

@@ -129,7 +129,8 @@ impl<'a> Point<'a> {
 
     /// Gradient and Hessian of one trial; `None` if the solver refuses gradients.
     fn rollout(&self, solver: &mut Articulated, batch: &mut Batch, data: &mut Data, trial: &Trial) -> Option<Bent> {
-        let (own, robot) = (&self.own, &self.own.system.robot);
+        let own = &self.own;
+        let robot = &self.own.system.robot;
         let rows = 2 * robot.nv();
         let mut bent = Bent::none(self.parameters.len());
         batch.reset(0, &own.start(trial, data));
@@ -193,7 +194,8 @@ impl<'a> Point<'a> {
 
     /// Adds the differences of a frame's pose `q` from the measured one, given the sensitivities `s`.
     fn compare(&self, bent: &mut Bent, measured: &[f64], q: &[f64], s: &DMatrix<f64>, share: f64) {
-        let (robot, unit) = (&self.own.system.robot, self.unit);
+        let robot = &self.own.system.robot;
+        let unit = self.unit;
         if robot.floating() {
             let (r, from) = (quaternion(&q[3..7]), quaternion(&measured[3..7]));
             let way = r.inverse_transform_vector(&(vector(q) - vector(measured)));
@@ -224,7 +226,9 @@ const MAX_ROUNDS: usize = 12;
 
 /// The values after a damped Gauss-Newton step; `None` if the matrix is not positive definite.
 fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) -> Option<Vec<f64>> {
-    let (mut h, mut g, n) = (bent.curvature.clone(), bent.gradient.clone(), values.len());
+    let mut h = bent.curvature.clone();
+    let mut g = bent.gradient.clone();
+    let n = values.len();
     let ridge = RIDGE * h.trace() / n as f64;
     let x: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.place(*v)).collect();
     for k in 0..n {
@@ -250,7 +254,8 @@ pub(super) fn descend(
     worth: impl Fn(&[f64]) -> Result<f64, CalibrateError>,
     bent: impl Fn(&[f64]) -> Result<Option<Bent>, CalibrateError>,
 ) -> Result<Option<f64>, CalibrateError> {
-    let (mut best, mut damping) = (worth(values)?, DAMPING[0]);
+    let mut best = worth(values)?;
+    let mut damping = DAMPING[0];
     for _ in 0..MAX_ROUNDS {
         if !may() {
             break;

@@ -149,7 +149,8 @@ fn searched(
     config: FitConfig,
     progress: &mut dyn FnMut(usize, f64),
 ) -> Result<Vec<f64>, CalibrateError> {
-    let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
+    let quarter = config.evaluations.div_ceil(4);
+    let mut done = 0;
     let nominal: Vec<f64> = all.parameters.iter().map(|p| p.nominal).collect();
     // Two coarse searches: contact has separate minima, such as high friction that creeps and low friction that sticks.
     let coarse = Search::new(all.subject, all.parameters, few, few.len() as f64 / all.trials.len() as f64, all.spent)?;
@@ -179,7 +180,8 @@ impl Subject {
             return Err(CalibrateError::Empty);
         }
         let fine = thinned(trials, config.trials);
-        let (few, spent) = (thinned(&fine, fine.len().div_ceil(4)), Cell::new(0.0));
+        let few = thinned(&fine, fine.len().div_ceil(4));
+        let spent = Cell::new(0.0);
         let all = Search::new(self, parameters, &fine, 1.0, &spent)?;
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         let descended =
@@ -190,7 +192,8 @@ impl Subject {
             None => vec![searched(&all, &few, config, progress)?],
         };
         // A gain on a few trials may be a loss on all trials.
-        let (mut best, mut values) = (all.worth(&nominal)?, nominal);
+        let mut best = all.worth(&nominal)?;
+        let mut values = nominal;
         for end in ends {
             let own = all.worth(&end)?;
             if own.0 < best.0 {
@@ -210,7 +213,8 @@ impl Subject {
         budget: f64,
         progress: &mut dyn FnMut(usize, f64),
     ) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
-        let (parameters, spent) = (all.parameters, all.spent);
+        let parameters = all.parameters;
+        let spent = all.spent;
         if parameters.is_empty() {
             return Ok(None);
         }

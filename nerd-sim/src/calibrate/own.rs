@@ -77,7 +77,8 @@ impl Subject {
         }
         let own = ids.iter().enumerate().map(|(k, id)| (*id, split.part(&values, k).split_off(split.shared))).collect();
         values.truncate(split.shared);
-        let (objective, evaluations) = (objective(&after, &before), spent.get());
+        let objective = objective(&after, &before);
+        let evaluations = spent.get();
         Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, gradients: true }, own })
     }
 

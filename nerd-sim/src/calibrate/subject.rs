@@ -106,7 +106,8 @@ impl Subject {
 
     /// The subject with these values of the parameters.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
-        let (mut system, mut out) = ((*self.system).clone(), self.clone());
+        let mut system = (*self.system).clone();
+        let mut out = self.clone();
         // Scale first: other parameters use the scaled lengths.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);

@@ -95,7 +95,8 @@ impl Subject {
         let rolled = trials.par_iter().map_init(begin, |(solver, batch, data), trial| {
             batch.reset(0, &self.start(trial, data));
             solver.reset(0);
-            let (mut lost, mut first) = (false, None);
+            let mut lost = false;
+            let mut first = None;
             let shown = |batch: &Batch| {
                 let mut pose = batch.state(0)[..nq].to_vec();
                 self.shift(&mut pose, -1.0);
@@ -122,7 +123,9 @@ impl Subject {
     /// Start state of a rollout. A penetrating body is moved out of the ground, since contact forces would throw the
     /// body out. In free fall the velocity is corrected for the lag.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
-        let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
+        let robot = &self.system.robot;
+        let mut state = trial.start.clone();
+        let mut events = Vec::new();
         self.shift(&mut state[..robot.nq()], 1.0);
         if !robot.floating() {
             return state;
@@ -157,7 +160,9 @@ const FREE_DISTANCE: f64 = 0.002;
 
 /// Distance between two motions, each given as the coordinates q of every frame.
 pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
-    let (floating, first, n) = (system.robot.floating(), system.robot.root_coords(), a.len().min(b.len()) as f64);
+    let floating = system.robot.floating();
+    let first = system.robot.root_coords();
+    let n = a.len().min(b.len()) as f64;
     let mut sum = Distance::default();
     for (a, b) in a.iter().zip(b) {
         if floating {

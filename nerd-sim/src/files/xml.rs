@@ -2,7 +2,8 @@
 
 /// Upper bound of the nesting depth of elements, with elements in comments included. roxmltree recurses over nesting.
 pub(crate) fn nested(text: &str) -> usize {
-    let (mut deep, mut most) = (0usize, 0);
+    let mut deep = 0usize;
+    let mut most = 0;
     for element in text.split('<').skip(1) {
         match element.as_bytes().first() {
             Some(b'/') => deep = deep.saturating_sub(1),

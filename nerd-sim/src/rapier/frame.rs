@@ -28,7 +28,8 @@ impl Frame for Workspace {
 
     fn new(system: &System, template: Arc<Template>) -> Self {
         let robot = &system.robot;
-        let (data, factor) = (system.data(), Factor::new(robot));
+        let data = system.data();
+        let factor = Factor::new(robot);
         Self { template, world: PhysicsWorld::new(), data, factor, displacement: vec![0.0; robot.nv()] }
     }
 
@@ -215,8 +216,9 @@ impl Workspace {
             return Ok(());
         }
         let body = self.world.bodies.get(root).ok_or("no root")?;
-        let (mut pose, mut speed, mut spin) =
-            (pose_from_parry(body.position()), from_parry(&body.linvel()), from_parry(&body.angvel()));
+        let mut pose = pose_from_parry(body.position());
+        let mut speed = from_parry(&body.linvel());
+        let mut spin = from_parry(&body.angvel());
         if let Some((multibody, _)) = self.multibody() {
             pose = pose_from_parry(multibody.root().local_to_world());
             let velocity = multibody.generalized_velocity();

@@ -31,8 +31,9 @@ impl Template {
     pub(super) fn new(system: &System) -> Result<Self, String> {
         let robot = &system.robot;
         expressible(system)?;
-        let (mut bodies, mut colliders, mut joints) =
-            (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
+        let mut bodies = RigidBodySet::new();
+        let mut colliders = ColliderSet::new();
+        let mut joints = MultibodyJointSet::new();
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
         let base = match robot.base {
             Base::Fixed(pose) => Some(bodies.insert(RigidBodyBuilder::fixed().pose(pose_to_parry(&pose)))),

@@ -60,7 +60,8 @@ impl Motors {
 /// Mean over a frame of torques delayed by `delay` frames. `asked`: commanded torques `[frame][joint]`, from this frame
 /// backwards; frames before the oldest count as equal to it.
 pub(crate) fn late(delay: f64, asked: &[&[f64]], out: &mut [f64]) {
-    let (whole, last) = (delay as usize, asked.len() - 1);
+    let whole = delay as usize;
+    let last = asked.len() - 1;
     let [now, before] = [whole, whole + 1].map(|k| asked[k.min(last)]);
     let share = delay - whole as f64;
     out.iter_mut().zip(now.iter().zip(before)).for_each(|(tau, (now, before))| *tau = now + share * (before - now));

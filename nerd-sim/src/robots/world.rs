@@ -110,7 +110,10 @@ fn pyramid(law: &PairLaw, elliptic: bool, impratio: f64) -> f64 {
 fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] {
     let [d0, wide, width, middle, power] = softness.solimp;
     let bound = |x: f64| x.clamp(1e-4, 0.9999);
-    let (d0, wide, middle, power) = (bound(d0), bound(wide), bound(middle), power.max(1.0));
+    let d0 = bound(d0);
+    let wide = bound(wide);
+    let middle = bound(middle);
+    let power = power.max(1.0);
     let impedance = |depth: f64| {
         let x = if width > 1e-15 { (depth / width).min(1.0) } else { 1.0 };
         let y = match x {
@@ -141,7 +144,9 @@ fn at_load(softness: &Softness, inverse: f64, load: f64, step: f64) -> [f64; 2] 
 /// For each link, its inverse effective mass (1/kg) at its centre of mass and zero coordinates: `J M^-1 J^T`, averaged
 /// over directions.
 pub(crate) fn inverse_weights(robot: &Robot) -> Result<Vec<f64>, String> {
-    let (mut data, mut factor, state) = (Data::new(robot), Factor::new(robot), robot.zero_state());
+    let mut data = Data::new(robot);
+    let mut factor = Factor::new(robot);
+    let state = robot.zero_state();
     kinematics(robot, &state[..robot.nq()], &mut data);
     crba(robot, &mut data);
     if !factor.refill(&data.mass) {

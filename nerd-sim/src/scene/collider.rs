@@ -131,7 +131,8 @@ impl Collider {
     /// Refuses values that are not finite or out of range. Solvers call this in every frame.
     pub fn check(&self) -> Result<(), String> {
         let unit = |square: f64| (square - 1.0).abs() < 2e-6;
-        let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
+        let place = &self.pose.translation.vector;
+        let turn = self.pose.rotation.quaternion();
         if let Some(Plane { normal, offset }) = &self.plane {
             if !(unit(normal.norm_squared()) && offset.is_finite()) {
                 let normal = normal.as_slice();
@@ -146,7 +147,8 @@ impl Collider {
             }
         }
         if !(place.iter().all(|x| x.is_finite()) && unit(turn.norm_squared())) {
-            let (place, turn) = (place.as_slice(), turn.coords.as_slice());
+            let place = place.as_slice();
+            let turn = turn.coords.as_slice();
             return Err(format!("its pose is at {place:?} m, turned by {turn:?}: finite numbers are needed"));
         }
         self.material.check()
@@ -195,7 +197,8 @@ impl Collider {
                 (from_parry(&found.point), found.is_inside)
             }
         };
-        let (gap, sign) = (p0 - p1, if within { -1.0 } else { 1.0 });
+        let gap = p0 - p1;
+        let sign = if within { -1.0 } else { 1.0 };
         let length = gap.norm();
         let normal = if length > 1e-12 { gap * (sign / length) } else { Vector3::zeros() };
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
@@ -219,7 +222,8 @@ impl Collider {
         let first = self.query(middle);
         if self.field.is_none() {
             // Among supporting planes of the convex shape, find the one with the largest signed distance from the link.
-            let (mut best, mut event) = (ContactEvent { distance: f64::NEG_INFINITY, ..first }, first);
+            let mut best = ContactEvent { distance: f64::NEG_INFINITY, ..first };
+            let mut event = first;
             for _ in 0..MAX_QUERIES {
                 let place = at(&point.facing(rotation, &event.normal));
                 let distance = event.normal.dot(&(place - event.p1));
@@ -236,7 +240,8 @@ impl Collider {
             }
             return best;
         }
-        let (mut normal, mut nearest) = (first.normal, f64::INFINITY);
+        let mut normal = first.normal;
+        let mut nearest = f64::INFINITY;
         // On a curved surface, the normal at the deepest point determines the deepest point: iterate.
         for _ in 0..MAX_QUERIES {
             let event = self.query(&at(&point.deepest(rotation, &normal)));

@@ -128,7 +128,8 @@ impl Field {
                 .map(|(k, (i, j))| ((heights[i % n * m + j % m] - heights[k]) / cell[axis]).powi(2))
                 .fold(0.0, f64::max)
         };
-        let (highest, steepest) = (heights.iter().copied().fold(f64::MIN, f64::max), rise(0) + rise(1));
+        let highest = heights.iter().copied().fold(f64::MIN, f64::max);
+        let steepest = rise(0) + rise(1);
         Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0, base })
     }
 
@@ -140,8 +141,10 @@ impl Field {
         if let Some((_, field)) = last.as_ref().filter(|(known, _)| known == spec) {
             return Ok(field.clone());
         }
-        let (TerrainSpec { kind, height, cell, seed, .. }, length) = (*spec, spec.depth());
-        let (mut rng, side) = (stream(seed.unwrap_or(0), 0), NODES as f64 * cell);
+        let TerrainSpec { kind, height, cell, seed, .. } = *spec;
+        let length = spec.depth();
+        let mut rng = stream(seed.unwrap_or(0), 0);
+        let side = NODES as f64 * cell;
         let wave = TAU * (side / length).round().max(1.0) / side;
         let heights = (0..NODES * NODES).map(|k| {
             let [x, y] = [k / NODES, k % NODES].map(|i| i as f64 * cell);
@@ -203,7 +206,8 @@ impl Field {
 
     /// Indices of the nodes on both sides of a coordinate along an axis, and the fraction between them (NaN for NaN).
     fn cell_of(&self, axis: usize, x: f64) -> ([usize; 2], f64) {
-        let (u, n) = (x / self.cell[axis], self.nodes[axis]);
+        let u = x / self.cell[axis];
+        let n = self.nodes[axis];
         if self.base.is_some() {
             let last = (n - 1) as f64;
             let u = (u + 0.5 * last).clamp(0.0, last);
@@ -247,7 +251,8 @@ impl Field {
     /// Node spacings, node counts, largest height, bound of the squared slope, depth of the bottom (0 without),
     /// heights: all before scaling.
     pub(crate) fn numbers(&self) -> Vec<f64> {
-        let ([cell, wide], [n, m]) = (self.cell, self.nodes.map(|n| n as f64));
+        let [cell, wide] = self.cell;
+        let [n, m] = self.nodes.map(|n| n as f64);
         let head = [cell, wide, n, m, self.highest, self.steepest, self.base.unwrap_or(0.0)];
         head.into_iter().chain(self.heights.iter().copied()).collect()
     }

@@ -121,8 +121,10 @@ mod tests {
             ParryVector::new(half[0], half[1], half[2]) * ParryVector::new(sign(k), sign(k >> 1), sign(k >> 2))
         };
         let shape = SharedShape::convex_hull(&(0..8).map(corner).collect::<Vec<_>>()).expect("a hull");
-        let (hull, cuboid) = (Hull::of(&shape).expect("faces"), SharedShape::cuboid(half[0], half[1], half[2]));
-        let (mut rng, mut inside) = (crate::random::stream(3, 0), 0);
+        let hull = Hull::of(&shape).expect("faces");
+        let cuboid = SharedShape::cuboid(half[0], half[1], half[2]);
+        let mut rng = crate::random::stream(3, 0);
+        let mut inside = 0;
         for _ in 0..2000 {
             let x = Vector3::from_fn(|_, _| rand::RngExt::random_range(&mut rng, -0.5..0.5));
             let expected = cuboid.project_local_point(to_parry(&x), false);

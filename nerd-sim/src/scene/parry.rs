@@ -20,6 +20,7 @@ pub(crate) fn pose_to_parry(pose: &Isometry3<f64>) -> Pose {
 
 #[cfg(feature = "rapier")]
 pub(crate) fn pose_from_parry(pose: &Pose) -> Isometry3<f64> {
-    let (t, r) = (from_parry(&pose.translation), pose.rotation);
+    let t = from_parry(&pose.translation);
+    let r = pose.rotation;
     Isometry3::from_parts(t.into(), nalgebra::UnitQuaternion::new_normalize(Quaternion::new(r.w, r.x, r.y, r.z)))
 }

@@ -93,7 +93,8 @@ impl Surfaces {
         other: impl Fn(usize) -> Option<PairLaw>,
     ) -> Self {
         let n = geoms.len();
-        let (mut laws, mut index) = (Vec::new(), vec![0; n * n]);
+        let mut laws = Vec::new();
+        let mut index = vec![0; n * n];
         for (a, b) in (0..n).flat_map(|b| (0..b).map(move |a| (a, b))) {
             if let Some(law) = law(a, b) {
                 laws.push(law);

@@ -40,7 +40,9 @@ impl Scene {
     /// the ground. On flat ground nothing changes and nothing is drawn.
     pub fn strew(&self, robot: &Robot, data: &mut Data, state: &mut [f64], rng: &mut impl Rng) {
         let Some((body, field)) = self.terrain().filter(|_| robot.floating()) else { return };
-        let (up, nq, [wide, deep]) = (body.up(), robot.nq(), field.period());
+        let up = body.up();
+        let nq = robot.nq();
+        let [wide, deep] = field.period();
         let mut shift = |by: Vector3<f64>, state: &mut [f64]| {
             let turning = by.cross(&vector(&state[nq..nq + 3]));
             (0..3).for_each(|k| state[k] += by[k]);

@@ -30,7 +30,9 @@ static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(
 
 /// A scene from a robot's TOML; `material` is used if the TOML gives the scene no material.
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Result<Scene, String> {
-    let (upright, stated, material) = (upright(gravity), spec.material.is_some(), spec.material.unwrap_or(material));
+    let upright = upright(gravity);
+    let stated = spec.material.is_some();
+    let material = spec.material.unwrap_or(material);
     let ground = match &spec.terrain {
         Some(terrain) => {
             let pose = Isometry3::from_parts((up(gravity) * spec.plane.height).into(), upright);
@@ -39,8 +41,8 @@ pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Mate
         None => Collider::plane(flat(gravity, &spec.plane), material),
     };
     let boxes = spec.boxes.iter().map(|b| {
-        let ([x, y, z], turn) =
-            (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.yaw));
+        let [x, y, z] = b.size.map(|edge| 0.5 * edge);
+        let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.yaw);
         Collider::new(
             SharedShape::cuboid(x, y, z),
             Isometry3::from_parts(Vector3::from(b.position).into(), upright * turn),
@@ -94,7 +96,9 @@ pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<S
             let (count, rise, tread, width) = STEPS;
             // Each step is a box on the ground that extends to the end of the last step.
             let step = |k: usize| {
-                let (from, to, height) = (0.4 + tread * k as f64, 0.4 + tread * count as f64, rise * (k + 1) as f64);
+                let from = 0.4 + tread * k as f64;
+                let to = 0.4 + tread * count as f64;
+                let height = rise * (k + 1) as f64;
                 cuboid([0.5 * (to - from), 0.5 * width, 0.5 * height], [0.5 * (from + to), 0.0, 0.5 * height])
             };
             std::iter::once(ground).chain((0..count).map(step)).collect()

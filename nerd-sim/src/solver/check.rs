@@ -32,7 +32,8 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
 pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
-    let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+    let d = system.robot.state_dim();
+    let joints = system.robot.joint_count();
     if torques.len() != batch.len() * joints {
         return Err(StepError::torques(torques.len(), batch.len(), joints));
     }
@@ -51,7 +52,8 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
     }
     for (at, drive) in batch.drives.iter().enumerate() {
         if let Err(reason) = drive.check() {
-            let (env, joint) = (at / joints, system.robot.joints().nth(at % joints).map_or("", |j| &j.name));
+            let env = at / joints;
+            let joint = system.robot.joints().nth(at % joints).map_or("", |j| &j.name);
             add(faults, batch, env, format!("joint `{joint}`: {reason}"));
         }
     }

@@ -98,7 +98,8 @@ pub struct Held {
 impl Held {
     /// Allocates memory for a batch.
     pub fn new(device: &Device, batch: &Batch) -> Result<Self, DeviceError> {
-        let (n, robot) = (batch.len(), &batch.system.robot);
+        let n = batch.len();
+        let robot = &batch.system.robot;
         Ok(Self {
             n,
             joints: robot.joint_count(),

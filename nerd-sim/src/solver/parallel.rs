@@ -104,7 +104,8 @@ impl<F: Frame> Parallel<F> {
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
         self.prepare(batch).map_err(StepError::Solver)?;
         let system = &*batch.system;
-        let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
+        let d = system.robot.state_dim();
+        let joints = system.robot.joint_count();
         let chunks = batch.len().div_ceil(F::CHUNK);
         let own = &self.own;
         // Take the forces out of the batch, since all threads read the batch.
@@ -171,8 +172,11 @@ impl<F: Frame> Parallel<F> {
         F: Back,
     {
         Self::CAPABILITIES.admit(batch)?;
-        let (n, robot) = (batch.len(), &batch.system.robot);
-        let (d, joints, width) = (robot.state_dim(), robot.joint_count(), rows * 2 * robot.nv());
+        let n = batch.len();
+        let robot = &batch.system.robot;
+        let d = robot.state_dim();
+        let joints = robot.joint_count();
+        let width = rows * 2 * robot.nv();
         if grad_next.len() != n * width {
             return Err(StepError::Solver(format!(
                 "{} gradients for {rows} rows of {n} environments, of {} numbers each",
@@ -189,8 +193,8 @@ impl<F: Frame> Parallel<F> {
             if let Some((_, prepared)) = own.get(env) {
                 frame.turn_to(prepared);
             }
-            let (tau, grad_next) =
-                (&torques[env * joints..(env + 1) * joints], &grad_next[env * width..(env + 1) * width]);
+            let tau = &torques[env * joints..(env + 1) * joints];
+            let grad_next = &grad_next[env * width..(env + 1) * width];
             let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, grad_next, numbers)?;
             finite(batch.of(env), &found)?;
             wrap_state(robot, &mut found.next);
@@ -256,7 +260,8 @@ fn finite(system: &System, found: &Gradients) -> Result<(), String> {
 
 /// The gradients of all environments, or the faults of those that failed.
 fn gathered(batch: &Batch, found: Vec<Result<Gradients, String>>) -> Result<Gradients, StepError> {
-    let (mut out, mut faults) = (Gradients::default(), Vec::new());
+    let mut out = Gradients::default();
+    let mut faults = Vec::new();
     for (env, found) in found.into_iter().enumerate() {
         match found {
             Ok(found) => out.append(found),

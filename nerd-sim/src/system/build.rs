@@ -43,7 +43,9 @@ impl System {
         let folds = Folds::default();
         let (motors, drawn, file) = Default::default();
         let World { colliders: world, surfaces } = world;
-        let (margin, surfaces, one_friction) = (surfaces.margin(), Arc::new(surfaces), None);
+        let margin = surfaces.margin();
+        let surfaces = Arc::new(surfaces);
+        let one_friction = None;
         let mut system = Self {
             name: name.into(),
             robot,
@@ -75,7 +77,8 @@ impl System {
     /// Gives surfaces their stiffness under the robot's weight, and finds the links that may touch each other.
     fn touch(&mut self, hulls: &[Hull]) -> Result<(), String> {
         let state = self.default_state();
-        let (gravity, material) = (self.gravity(), self.spec.material);
+        let gravity = self.gravity();
+        let material = self.spec.material;
         soften(Arc::make_mut(&mut self.surfaces), &self.robot, &state, &gravity, &material)?;
         if self.spec.self_collision {
             let (folds, note) =

@@ -43,7 +43,10 @@ impl Capsule {
     /// the least `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`. R is the sum of the radii (m).
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> Meeting {
-        let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);
+        let u = &self.half;
+        let v = &other.half;
+        let apart = self.middle - other.middle;
+        let reach = self.radius + other.radius;
         let barrel = BARREL * reach * reach;
         let (uu, vv, uv) = (u.dot(u) + barrel, v.dot(v) + barrel, u.dot(v));
         let (ud, vd) = (u.dot(&apart), v.dot(&apart));
@@ -169,7 +172,8 @@ const MIN_RADIUS_SHARE: f64 = 0.3;
 impl Room {
     fn of(vertices: &[Vector3<f64>]) -> Option<Self> {
         let direction = |k: usize| {
-            let (z, turn) = (1.0 - (2 * k + 1) as f64 / DIRECTIONS as f64, k as f64 * PI * (3.0 - 5f64.sqrt()));
+            let z = 1.0 - (2 * k + 1) as f64 / DIRECTIONS as f64;
+            let turn = k as f64 * PI * (3.0 - 5f64.sqrt());
             let flat = (1.0 - z * z).sqrt();
             Vector3::new(flat * turn.cos(), flat * turn.sin(), z)
         };

@@ -35,7 +35,9 @@ impl Folds {
     /// Finds the pairs of parts that may collide, except pairs that touch in pose `q`. Also returns a note that counts
     /// the pairs and lists the links that touch.
     pub(crate) fn new(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, q: &[f64]) -> (Self, String) {
-        let (mut folds, mut of_file, mut off) = (Self::default(), Vec::new(), 0.0f64);
+        let mut folds = Self::default();
+        let mut of_file = Vec::new();
+        let mut off = 0.0f64;
         for (link, surface) in (0..robot.links.len())
             .flat_map(|link| parts(robot, meshes, surfaces, link).into_iter().map(move |s| (link, s)))
         {

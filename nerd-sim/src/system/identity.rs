@@ -59,7 +59,8 @@ impl System {
     }
 
     fn motion(&self) -> Value {
-        let (robot, spec) = (&self.robot, &self.spec);
+        let robot = &self.robot;
+        let spec = &self.spec;
         let touching = |i: usize| robot.contact_points.iter().any(|p| p.link == i);
         let point = |p: &ContactPoint| match &p.locus {
             Locus::Fixed => json!([p.link, p.local.as_slice(), p.radius, p.thickness]),

@@ -7,7 +7,8 @@ impl System {
     /// Energy (J) stored in the springs of contacts, joints and joint limits. A spring with stiffness k (N/m or N
     /// m/rad) and deflection g (m or rad) stores `k g^2 / 2`.
     pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
-        let (robot, mut events) = (&self.robot, Vec::new());
+        let robot = &self.robot;
+        let mut events = Vec::new();
         contacts(self, scene, state, data, &mut events);
         let near = robot.contact_points.iter().zip(&events).filter(|(_, event)| event.distance.is_finite());
         let pressed = near.filter_map(|(point, event)| {

@@ -310,7 +310,9 @@ impl System {
     /// A scene by name. `free` is empty space, `base` the shapes of a fixed base; then come the robot's own scenes,
     /// then [`WORLDS`] with the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
-        let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
+        let gravity = self.gravity();
+        let material = self.spec.material;
+        let touches = !self.robot.contact_points.is_empty();
         let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
             Some(spec) => {
                 Some(described(spec, &gravity, material).map_err(|e| SystemError::Spec(self.name.clone(), e))?)

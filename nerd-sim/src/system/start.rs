@@ -38,7 +38,8 @@ const MAX_OVERLAP: f64 = 1e-3;
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
-    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+    let mut data = Data::new(&system.robot);
+    let mut events = Vec::new();
     (0..MAX_DRAWS).map(|_| draw(system, which, rng)).find(|state| {
         contacts(system, &scene, state, &mut data, &mut events);
         events.iter().zip(&least).all(|(e, least)| e.distance >= *least)
@@ -67,7 +68,8 @@ pub(crate) fn least_clearance(system: &System, which: Start) -> Option<Vec<f64>>
 /// Reports, in one line, the deepest overlap of a robot on a fixed base with its file's ground in the default pose.
 pub(crate) fn overlaps(system: &System) -> Option<String> {
     let scene = system.scene(GROUND).ok().filter(|_| !system.robot.floating())?;
-    let (mut events, robot) = (Vec::new(), &system.robot);
+    let mut events = Vec::new();
+    let robot = &system.robot;
     contacts(system, &scene, &system.default_state(), &mut Data::new(robot), &mut events);
     let deep = |(event, point): (&ContactEvent, &ContactPoint)| (point.radius - event.distance, point.link);
     let (depth, link) = events.iter().zip(&robot.contact_points).map(deep).max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -86,7 +88,9 @@ fn laws(root: &RootSpec, which: Start) -> &RootStart {
 pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     let robot = &system.robot;
     let mut state = robot.zero_state();
-    let (coords, nq, rates) = (robot.root_coords(), robot.nq(), robot.nq() + robot.root_dofs());
+    let coords = robot.root_coords();
+    let nq = robot.nq();
+    let rates = robot.nq() + robot.root_dofs();
     if let Some(root) = &system.spec.root {
         let laws = laws(root, which);
         let mut vector = |laws: &[Range; 3]| Vector3::from(laws.each_ref().map(|l| l.draw(rng)));

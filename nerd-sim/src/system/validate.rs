@@ -125,7 +125,9 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         // A default position may exceed a limit by up to 1 (rad or m), since files round positions.
         let beyond = |limit: &Limit| joint.default_q < limit.lower - 1.0 || joint.default_q > limit.upper + 1.0;
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
-            let (low, high, name) = (limit.lower, limit.upper, &joint.name);
+            let low = limit.lower;
+            let high = limit.upper;
+            let name = &joint.name;
             let default_q = joint.default_q;
             return Err(format!(
                 "[[joint]] name = {name:?}: default_q is {default_q}, its limits are {low} to {high}; angles are in rad"

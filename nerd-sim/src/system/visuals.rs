@@ -39,7 +39,8 @@ impl System {
             return self.touching().collect();
         }
         let path = path.as_deref().map(|path| std::fs::canonicalize(path).unwrap_or_else(|_| path.into()));
-        let (mut visuals, mut known) = (Vec::new(), BTreeMap::new());
+        let mut visuals = Vec::new();
+        let mut known = BTreeMap::new();
         for body in &file.bodies {
             let Ok(frame) = self.robot.frame(&body.name) else { continue };
             let place =

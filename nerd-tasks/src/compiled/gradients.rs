@@ -56,10 +56,14 @@ impl Program {
         (gradient, by_given): (&mut [f64], &mut [f64]),
     ) {
         let system = work.system.clone();
-        let (robot, values) = (&system.robot, self.values(task, view, inputs, work));
+        let robot = &system.robot;
+        let values = self.values(task, view, inputs, work);
         let Work { controller, data, events, .. } = work;
-        let (places, gaps, by_state) = (Vec::new(), Vec::new(), vec![0.0; robot.state_dim()]);
-        let (lists, state) = (&self.lists, view.state);
+        let places = Vec::new();
+        let gaps = Vec::new();
+        let by_state = vec![0.0; robot.state_dim()];
+        let lists = &self.lists;
+        let state = view.state;
         let mut found = Found { values: &values, lists, controller, state, by_state, by_given, places, gaps };
         let seeds: Vec<_> = self.out.iter().copied().zip(by.iter().copied()).collect();
         sweep(&self.nodes, &self.lists, &seeds, &mut found);

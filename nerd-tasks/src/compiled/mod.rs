@@ -45,9 +45,11 @@ impl Deref for Compiled {
 impl Compiled {
     /// Records a task's formulas for a robot.
     pub fn new(task: impl Into<Arc<dyn Task>>, system: &Arc<System>) -> Self {
-        let (task, mut wrong): (Arc<dyn Task>, _) = (task.into(), None);
+        let task: Arc<dyn Task> = task.into();
+        let mut wrong = None;
         let own = &*task;
-        let (about, joints) = (own.about(), system.robot.joint_count());
+        let about = own.about();
+        let joints = system.robot.joint_count();
         let of = (own, &**system);
         // An entry that the task does not write stays NaN.
         let observe = recorded(of, "observe", &mut wrong, |sight| {
@@ -185,7 +187,8 @@ pub fn fast_start(task: &Compiled, rng: &mut ChaCha8Rng) -> Vec<f64> {
     let mut state = task.reset(system, rng);
     hurry(system, &mut state, rng);
     let Ok(scene) = system.scene(task.scene()) else { return state };
-    let (goal, mut work) = (vec![0.0; task.goal_dim()], Work::new(system));
+    let goal = vec![0.0; task.goal_dim()];
+    let mut work = Work::new(system);
     for _ in 0..HALVINGS {
         if !task.terminated(View { state: &state, goal: &goal, scene: &scene }, &mut work) {
             break;

@@ -48,7 +48,8 @@ fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
 impl Tape {
     /// The nodes as lines of C, and whether these lines use kinematics or distances.
     fn lines(&self) -> (String, bool) {
-        let (mut text, mut asks) = (String::new(), false);
+        let mut text = String::new();
+        let mut asks = false;
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         for (k, node) in self.nodes.borrow().iter().enumerate() {
             let said = match node {
@@ -206,7 +207,8 @@ impl Compiled {
 /// With `gradients` also the adjoint kernels `task_arrive_back`, `task_acted_back`, `task_leave` and
 /// `task_begin_again`. The text also compiles as plain C++, so tests need no GPU.
 fn episodes(task: &Compiled, reach: Reach, gradients: bool) -> Result<String, String> {
-    let (about, mut text) = (task.about(), episode(task.recorded_for(), reach)?);
+    let about = task.about();
+    let mut text = episode(task.recorded_for(), reach)?;
     let (level, levels) = task.levels().unwrap_or_default();
     let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory()), ("LEVEL_AT", level), ("LEVELS", levels)];
     let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];

@@ -34,7 +34,8 @@ impl Episodes {
     /// # Errors
     /// If a command is unknown, given twice, or out of range; then nothing changes.
     pub fn ask(&mut self, env: usize, commands: &str) -> Result<(), String> {
-        let (all, width) = (self.task.commands(), self.task.goal_dim());
+        let all = self.task.commands();
+        let width = self.task.goal_dim();
         let mut asked: Vec<(usize, f64)> = Vec::new();
         for part in commands.split(',') {
             let Some((name, number)) = part.split_once('=') else { return Err(format!("`{part}` is no NAME=NUMBER")) };
@@ -91,7 +92,8 @@ impl Episodes {
         self.begun[env] += 1;
         let mut rng = episode(self.seed, self.first + env, self.begun[env]);
         let width = self.task.goal_dim();
-        let (goal, climbs) = (&mut self.goals[env * width..(env + 1) * width], self.climbs);
+        let goal = &mut self.goals[env * width..(env + 1) * width];
+        let climbs = self.climbs;
         let level = self.task.levels().filter(|_| climbs).map(|(at, _)| (at, goal[at]));
         self.task.draw_goal(&mut rng, goal);
         level.into_iter().for_each(|(at, level)| goal[at] = level);
@@ -106,7 +108,8 @@ impl Episodes {
     /// changed it.
     pub(super) fn lay(&mut self, env: usize, anew: bool) {
         let Some((at, _)) = self.task.levels() else { return };
-        let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
+        let level = self.goals[env * self.task.goal_dim() + at];
+        let scene = &mut self.simulation.batch.scenes[env];
         if scene.terrain().is_some_and(|(_, field)| anew || field.scale() != level) {
             *scene = Arc::new(scene.scaled(level));
         }
@@ -116,7 +119,9 @@ impl Episodes {
     /// ended.
     pub(super) fn rise(&mut self, result: &StepResult) {
         let Some((at, levels)) = self.task.levels() else { return };
-        let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);
+        let steps = self.task.episode_length();
+        let width = self.task.goal_dim();
+        let frames = &self.simulation.batch.frames;
         let length = steps * self.task.frames();
         for (env, goal) in self.goals.chunks_exact_mut(width).enumerate() {
             let [level, total] = &mut goal[at..at + 2] else { continue };

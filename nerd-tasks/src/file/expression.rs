@@ -106,7 +106,8 @@ impl<'a> Reader<'a> {
             if let Some(said) = said.strip_prefix('\0') {
                 return said.into();
             }
-            let (line, column) = (span.start().line, span.start().column + 1);
+            let line = span.start().line;
+            let column = span.start().column + 1;
             let line = if line > 1 { format!("line {line}, ") } else { String::new() };
             format!("{key}, {line}column {column}: {said}")
         };
@@ -329,7 +330,9 @@ fn wholes(value: &Value) -> Result<Vec<usize>, String> {
 
 /// Refuses a text nested too deeply for the parser.
 fn nested(text: &str) -> Result<(), String> {
-    let (mut depth, mut deepest, mut signs) = (0usize, 0, 0usize);
+    let mut depth = 0usize;
+    let mut deepest = 0;
+    let mut signs = 0usize;
     for c in text.chars() {
         match c {
             '(' | '[' | '{' => depth += 1,

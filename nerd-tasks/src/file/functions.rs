@@ -82,7 +82,8 @@ impl<'a> Reader<'a> {
                 }
             }
             _ => {
-                let (joints, count) = (self.facts.system.robot.joint_count(), values[0].numbers.len());
+                let joints = self.facts.system.robot.joint_count();
+                let count = values[0].numbers.len();
                 if count != joints {
                     return Err((
                         args[0].span(),

@@ -29,7 +29,9 @@ impl Program {
                 _ => (),
             }
         }
-        let (mut kept, mut known, mut places) = (Vec::new(), HashMap::<String, usize>::new(), vec![0; nodes.len()]);
+        let mut kept = Vec::new();
+        let mut known = HashMap::<String, usize>::new();
+        let mut places = vec![0; nodes.len()];
         let moved = |places: &[usize], x: Given| match x {
             Given::Node(k) => Given::Node(places[k]),
             known => known,

@@ -44,7 +44,9 @@ const STANDS: f64 = 0.1;
 
 impl Facts {
     pub fn new(system: &Arc<System>, scene: &Scene, step: f64) -> Self {
-        let (robot, state, gravity) = (&system.robot, system.default_state(), system.gravity());
+        let robot = &system.robot;
+        let state = system.default_state();
+        let gravity = system.gravity();
         let up = gravity.try_normalize(1e-9).map_or(Vector3::z(), |down| -down);
         let mut data = system.data();
         kinematics(robot, &state, &mut data);
@@ -64,7 +66,8 @@ impl Facts {
         let plane = scene.colliders.iter().filter_map(|c| c.plane.as_ref()).find(|plane| plane.normal.dot(&up) > 0.99);
         let floor = plane.map_or(0.0, |plane| plane.offset);
         let origin = |link: usize| data.origin + data.position[link];
-        let (mut lengths, mut first) = (vec![0.0; robot.links.len()], (0..robot.links.len()).collect::<Vec<_>>());
+        let mut lengths = vec![0.0; robot.links.len()];
+        let mut first = (0..robot.links.len()).collect::<Vec<_>>();
         for (link, parent) in robot.links.iter().enumerate().filter_map(|(k, link)| Some((k, link.parent?))) {
             lengths[link] = lengths[parent] + (origin(link) - origin(parent)).norm();
             first[link] = first[parent];
@@ -74,9 +77,11 @@ impl Facts {
             robot.frames.iter().filter(|frame| frame.link == Some(last)).map(|frame| frame.pose.translation.vector);
         let tip =
             fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or(robot.links[last].frame.translation.vector);
-        let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
+        let reach = lengths[last] + tip.norm();
+        let ends = [point_position(&data, last, &tip), origin(first[last])];
         let tool = (last, tip.into());
-        let (terrain, old) = (scene.terrain().is_some(), RefCell::default());
+        let terrain = scene.terrain().is_some();
+        let old = RefCell::default();
         Self { system: system.clone(), up, terrain, floor, standing, size, feet, body, step, tool, ends, reach, old }
     }
 
@@ -95,8 +100,11 @@ impl Facts {
     /// add a word, extend [`Self::WORDS`] and `docs/tasks.md`. For a word about a free root, extend also the list that
     /// is refused here. If contracts should name the word's quantity, extend `nerd-train/src/onnx/quantity.rs`.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
-        let (system, robot) = (&self.system, &self.system.robot);
-        let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
+        let system = &self.system;
+        let robot = &self.system.robot;
+        let coords = robot.root_coords();
+        let nq = robot.nq();
+        let dofs = robot.root_dofs();
         let known = |x: f64| (vec![Traced::from(x)], Of::Numbers);
         let list = |list: Vec<f64>, of: Of| (list.into_iter().map(Traced::from).collect(), of);
         let joints = |what: &dyn Fn(&nerd_sim::nerd_core::robot::Joint) -> f64| {
@@ -231,7 +239,8 @@ impl Facts {
 
 /// Velocity of the root's origin (m/s, world axes), from the root's twist, whose linear part is at the world's origin.
 fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
-    let (p, [w, v]) = ([0, 1, 2].map(|k| state(tape, k)), [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k))));
+    let p = [0, 1, 2].map(|k| state(tape, k));
+    let [w, v] = [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k)));
     let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];
     [0, 1, 2].map(|i| v[i] + cross(i))
 }

@@ -93,7 +93,9 @@ impl<'a> Sight<'a> {
 /// Rotation matrix of a quaternion (x y z w), normalised or not: `[i][j]` is the component of body axis j along world
 /// axis i.
 pub fn rotation<'a>([x, y, z, c]: [Traced<'a>; 4]) -> [[Traced<'a>; 3]; 3] {
-    let (n, one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), Traced::from(1.0), Traced::from(2.0));
+    let n = x.squared() + y.squared() + z.squared() + c.squared();
+    let one = Traced::from(1.0);
+    let two = Traced::from(2.0);
     let along = |a: Traced<'a>, b: Traced<'a>| one - two * (a.squared() + b.squared()) / n;
     [
         [along(y, z), two * (x * y - c * z) / n, two * (x * z + c * y) / n],

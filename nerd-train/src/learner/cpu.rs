@@ -54,7 +54,8 @@ impl Pass for Fused {
         huber: Option<f32>,
     ) -> LearnResult<(f64, Vec<f32>)> {
         let mut error = errors(worker, &shard);
-        let (squares, factor) = (squares(&error) * scale, scale as f32);
+        let squares = squares(&error) * scale;
+        let factor = scale as f32;
         match huber {
             None => error.iter_mut().for_each(|e| *e *= 2.0 * factor),
             Some(d) => error.iter_mut().for_each(|e| *e *= 2.0 * factor / (1.0 + (*e / d) * (*e / d)).sqrt()),

@@ -48,8 +48,10 @@ impl Hidden {
 
 /// The hidden matrices of a network: `E x E` (query, key, value, projection), then the wider ones of the perceptrons.
 pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
-    let (e, mut offset) = (config.embedding, 0);
-    let (mut square, mut wide) = (Vec::new(), Vec::new());
+    let e = config.embedding;
+    let mut offset = 0;
+    let mut square = Vec::new();
+    let mut wide = Vec::new();
     for tensor in config.tensors() {
         let columns = tensor.shape.last().copied().unwrap_or(0);
         let parts = (0..columns / e).map(|k| Hidden {
@@ -62,7 +64,8 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
         let whole = Hidden { offset, stride: columns, rows: tensor.shape[0], columns, transposed: false };
         let transposed = Hidden { rows: columns, columns: tensor.shape[0], transposed: true, ..whole };
         let mut path = tensor.name.split('.');
-        let (place, rest) = (path.next().unwrap_or(""), path.skip(1).join("."));
+        let place = path.next().unwrap_or("");
+        let rest = path.skip(1).join(".");
         match (place, rest.as_str()) {
             ("blocks", "attn.qkv.weight" | "attn.proj.weight") => square.extend(parts),
             ("blocks", "mlp.up.weight") => wide.push(whole),
@@ -84,7 +87,8 @@ pub fn others(config: &TransformerConfig) -> Vec<Range<usize>> {
     let mut hidden: Vec<Hidden> = hidden(config).concat();
     hidden.sort_by_key(|h| h.offset);
     // A matrix ends at its last entry. The ranges of query, key and value overlap in `qkv`, so keep the largest end.
-    let (mut runs, mut end) = (Vec::new(), 0);
+    let mut runs = Vec::new();
+    let mut end = 0;
     for h in hidden {
         if h.offset > end {
             runs.push(end..h.offset);

@@ -61,7 +61,8 @@ impl<P: Pass> Sharded<P> {
         sets: [Arc<Windows>; 2],
     ) -> LearnResult<Self> {
         super::check(&config, &state, [&sets[0], &sets[1]])?;
-        let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
+        let optimiser = Optimiser::new(config, state, optimiser::BETA);
+        let threads = rayon::current_num_threads();
         let [train, validation] = sets;
         Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads })
     }
@@ -74,7 +75,8 @@ impl<P: Pass> Sharded<P> {
 
     /// Squared error, and gradient of the loss before clipping, over the training windows `rows`.
     pub fn gradient(&self, rows: &[u64]) -> LearnResult<(f32, Vec<f32>)> {
-        let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
+        let scale = 1.0 / values(&self.train, rows.len());
+        let huber = self.optimiser.config.huber;
         let work =
             |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
         let parts = self.sharded(&self.optimiser.state.weights, true, rows, work)?;
@@ -129,7 +131,8 @@ impl<P: Pass> Sharded<P> {
 
 impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> LearnResult {
-        let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
+        let step = self.optimiser.state.step;
+        let windows = self.train.len() as u64;
         let LearnerConfig { batch, seed, .. } = self.optimiser.config;
         let rows = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect_vec();
         let (loss, gradient) = self.gradient(&rows)?;

@@ -8,7 +8,9 @@ use crate::prelude::*;
 /// Identifies a task's law from actions to torques. Known laws are torques proportional to single actions, and the
 /// robot's controller.
 pub(super) fn actions(task: &dyn Task, system: &System) -> (Law, Vec<Action>) {
-    let (tape, n, joints) = (Tape::default(), task.action_dim(), system.robot.joint_count());
+    let tape = Tape::default();
+    let n = task.action_dim();
+    let joints = system.robot.joint_count();
     let sight = task.sight(&tape, system);
     let action = sight.action(n);
     let (mut torques, mut own) = (vec![Traced::from(0.0); joints], vec![Traced::from(0.0); joints]);

@@ -78,13 +78,15 @@ impl Graph {
 
 /// Name of a policy's input, and its dimensions after the batch.
 fn input(policy: &Policy) -> (&'static str, Vec<usize>) {
-    let (depth, width) = (policy.shape.stack, policy.shape.observation);
+    let depth = policy.shape.stack;
+    let width = policy.shape.observation;
     if depth == 1 { ("observation", vec![width]) } else { ("observations", vec![depth, width]) }
 }
 
 /// The ONNX file of a policy.
 pub fn model(policy: &Policy) -> Vec<u8> {
-    let (shape, mut graph) = (&policy.shape, Graph::default());
+    let shape = &policy.shape;
+    let mut graph = Graph::default();
     let (seen, sizes) = input(policy);
     graph.port(11, seen, &sizes);
     graph.port(12, "action", &[shape.action]);
@@ -112,9 +114,12 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     }
     graph.node("Clip", &["scaled", "minus widest", "widest"], "normalised", None);
     let mut x = "normalised".to_string();
-    let (widths, mut at) = (shape.widths(), 0);
+    let widths = shape.widths();
+    let mut at = 0;
     for (layer, pair) in widths.windows(2).enumerate() {
-        let (from, to, last) = (pair[0], pair[1], layer + 2 == widths.len());
+        let from = pair[0];
+        let to = pair[1];
+        let last = layer + 2 == widths.len();
         // The last layer keeps only the mean action.
         let kept = if last { shape.action } else { to };
         let [weight, bias, sum, out] = ["weight", "bias", "sum", "out"].map(|what| format!("layer{layer}.{what}"));
@@ -137,7 +142,8 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     }
     graph.node("Clip", &[&x, "minus most", "most"], "action", None);
     graph.0.bytes(2, "policy");
-    let ([operators, format], mut model) = (versions(shape.activation), Message::default());
+    let [operators, format] = versions(shape.activation);
+    let mut model = Message::default();
     model.number(1, format).bytes(2, PRODUCER).bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
     model.message(8, |set| _ = set.bytes(1, "").number(2, operators));
     model.0

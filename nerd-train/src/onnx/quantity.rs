@@ -19,14 +19,16 @@ struct Quantity<'a> {
 
 /// All quantities that a policy may observe, the simplest first.
 fn quantities<'a>(task: &dyn Task, sight: &Sight<'a>) -> Vec<Quantity<'a>> {
-    let (system, mut all) = (sight.system(), Vec::new());
+    let system = sight.system();
+    let mut all = Vec::new();
     let robot = &system.robot;
     if robot.floating() {
         root(sight, &mut all);
     }
     let mut put = |what, of: &str, unit, value| all.push(Quantity { what, of: of.into(), unit, value });
     for (k, joint) in robot.joints().enumerate() {
-        let (slides, q) = (joint.kind == JointKind::Prismatic, sight.q(robot.root_coords() + k));
+        let slides = joint.kind == JointKind::Prismatic;
+        let q = sight.q(robot.root_coords() + k);
         put("joint position", &joint.name, if slides { "m" } else { "rad" }, q);
         put("joint velocity", &joint.name, if slides { "m/s" } else { "rad/s" }, sight.qd(robot.root_dofs() + k));
         if !slides {
@@ -35,7 +37,8 @@ fn quantities<'a>(task: &dyn Task, sight: &Sight<'a>) -> Vec<Quantity<'a>> {
             put("cosine of joint position", &joint.name, "1", q.cos());
         }
     }
-    let (actions, memory) = (task.action_dim(), task.memory());
+    let actions = task.action_dim();
+    let memory = task.memory();
     let goals = task.goal_dim() - memory;
     for (k, past) in (0..memory.min(2 * actions)).map(|k| (k, sight.goal(goals + k))) {
         put(if k < actions { "last action" } else { "action before last" }, &(k % actions).to_string(), "1", past);

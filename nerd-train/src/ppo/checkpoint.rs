@@ -61,7 +61,8 @@ impl Trainer {
         let old = renamed::json(Kind::Ppo, &mut config).map_err(|e| file.wrong(e))?;
         renamed::note(&path.display().to_string(), old);
         let config: PpoConfig = serde_json::from_value(config).map_err(|e| file.wrong(e))?;
-        let (begun, wanted) = (config.iterations, self.config.iterations);
+        let begun = config.iterations;
+        let wanted = self.config.iterations;
         if self.config.algorithm == Algorithm::Shac && begun != wanted {
             return Err(file.wrong(format!(
                 "SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}"
@@ -69,7 +70,8 @@ impl Trainer {
         }
         // A PPO run may change its number of iterations on resuming.
         let config = PpoConfig { iterations: self.config.iterations, ..config };
-        let (found, asked) = (whole(&config, file.word("run")?, counts[2]), self.whole(run));
+        let found = whole(&config, file.word("run")?, counts[2]);
+        let asked = self.whole(run);
         if found != asked {
             let what = changed(file.word("run")?, run).map_or_else(|| between(&found, &asked), Into::into);
             return Err(file.wrong(format!("it is that of another run: {what}")));
@@ -85,7 +87,8 @@ impl Trainer {
         (state.iteration, state.adam.step) = (counts[0], counts[1]);
         state.adam.learning_rate = file.f64("rate", Some(1))?[0];
         state.recent = file.f64("recent", None)?.as_chunks().0.iter().map(|[a, b]| (*a, *b)).collect();
-        let (n, running) = (self.config.environments, &mut state.running);
+        let n = self.config.environments;
+        let running = &mut state.running;
         running.stack.rows = file.f64("running.stack", Some(running.stack.rows.len()))?;
         running.rewards = file.f64("running.rewards", Some(n))?;
         running.lengths = file.f64("running.lengths", Some(n))?;

@@ -24,7 +24,9 @@ impl StepwiseRollout for OnCpu {
 
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
-        let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
+        let answer = actor.answer(rows);
+        let r = &mut self.rollout;
+        let width = actor.policy.shape.action;
         let drawn = drawn(&answer, noise);
         let said = drawn
             .par_chunks_exact(width)

@@ -74,8 +74,11 @@ pub trait StepwiseRollout {
         &mut self,
         RolloutInput { episodes, running, policy, config, noise, stop }: RolloutInput,
     ) -> Result<RolloutStats> {
-        let (mut taken, mut actions, mut reached) = (RolloutStats::default(), Vec::new(), Vec::new());
-        let (mut rewards, mut ends) = (Vec::new(), Vec::new());
+        let mut taken = RolloutStats::default();
+        let mut actions = Vec::new();
+        let mut reached = Vec::new();
+        let mut rewards = Vec::new();
+        let mut ends = Vec::new();
         self.begin(policy)?;
         for t in 0..config.horizon {
             stop.check()?;

@@ -21,7 +21,9 @@ pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Re
     );
     let (provenance, table) = rows(out, trainer.seed, about)?;
     let (policy, reward) = trainer.best();
-    let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);
+    let shape = policy.shape.clone();
+    let ppo = trainer.config.clone();
+    let iterations = trainer.state.iteration;
     let config =
         PolicyConfig { task: task.name().into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
     let to = out.join("policy");
@@ -60,7 +62,8 @@ fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     };
     let lines = lines.lines().map(read).collect::<Result<Vec<Iteration>>>()?;
     let every = lines.len().div_ceil(POINTS).max(1);
-    let (mut text, mut seconds) = (String::from("steps,seconds,reward,length\n"), 0.0);
+    let mut text = String::from("steps,seconds,reward,length\n");
+    let mut seconds = 0.0;
     for line in &lines {
         seconds += line.rollout_seconds + line.update_seconds;
         if let (true, Some(reward), Some(length)) =

@@ -59,7 +59,8 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 /// text that changed since training. For a task that comes with the project, prints a note instead.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
-    let (kept, learned) = (folder.join(TASK), config.task.clone());
+    let kept = folder.join(TASK);
+    let learned = config.task.clone();
     let (mut task, robot) = nerd_tasks::parts(&learned);
     let mut robot = robot.map(String::from);
     if kept.exists() {
@@ -214,7 +215,8 @@ pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Result<Policy> 
             count: column("count", 1)?[0],
         })
     };
-    let (seen, returns) = (moments("observation", shape.inputs())?, moments("return", 1)?);
+    let seen = moments("observation", shape.inputs())?;
+    let returns = moments("return", 1)?;
     let sound = |m: &RunningMoments| {
         m.mean.iter().all(|x| x.is_finite()) && m.variance.iter().chain([&m.count]).all(|x| x.is_finite() && *x >= 0.0)
     };

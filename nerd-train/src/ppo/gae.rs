@@ -26,7 +26,9 @@ pub(super) fn advantages(
     (values, last, cut): (&[f64], &[f64], &[f64]),
     config: &PpoConfig,
 ) -> Vec<f64> {
-    let (n, mut cut, PpoConfig { gamma, .. }) = (last.len(), cut.iter().rev(), config);
+    let n = last.len();
+    let mut cut = cut.iter().rev();
+    let PpoConfig { gamma, .. } = config;
     let mut out = vec![0.0; rewards.len()];
     for i in (0..out.len()).rev() {
         let later = (i + n).checked_sub(out.len());

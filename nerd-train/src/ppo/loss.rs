@@ -95,7 +95,8 @@ pub(super) fn neg_log_prob(action: &[f32], mu: &[f32], s: &[f32]) -> f32 {
 pub(super) fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -> f32 {
     let all = izip!(mu, s, old_mu, old_s);
     all.map(|(mu, s, old_mu, old_s)| {
-        let (ratio, far) = (2.0 * (s - old_s), (mu - old_mu) * (-old_s).exp());
+        let ratio = 2.0 * (s - old_s);
+        let far = (mu - old_mu) * (-old_s).exp();
         0.5 * (ratio.exp() + far * far - 1.0 - ratio)
     })
     .sum()
@@ -113,7 +114,8 @@ pub(super) fn step(
     let Past { action, advantage, value_target, .. } = past;
     let ratio = (past.neg_log_prob - neg_log_prob(action, mu, s)).exp();
     let (low, high) = (1.0 - config.clip_coef, 1.0 + config.clip_coef);
-    let (free, held) = (-advantage * ratio, -advantage * ratio.clamp(low, high));
+    let free = -advantage * ratio;
+    let held = -advantage * ratio.clamp(low, high);
     // Gradient of the policy loss with respect to ln p: zero where the clipped term is larger.
     let by_log = if free >= held { -advantage * ratio } else { 0.0 };
     let mut terms = Terms { actor: f64::from(free.max(held)), ..Default::default() };

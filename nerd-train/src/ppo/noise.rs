@@ -33,7 +33,8 @@ pub(super) fn drawn(answer: &PolicyOutput, key: StreamKey) -> Vec<f32> {
     let mut out = vec![0.0; answer.mean.len()];
     let said = answer.mean.par_chunks(PART).zip(answer.spread.par_chunks(PART));
     out.par_chunks_mut(PART).zip(said).enumerate().for_each(|(part, (out, (mean, spread)))| {
-        let (mut rng, mut spare) = (key.rng(), None);
+        let mut rng = key.rng();
+        let mut spare = None;
         // Each pair of normal numbers takes four 32-bit words of the stream.
         rng.set_word_pos(2 * (part * PART) as u128);
         for (a, mu, s) in izip!(out, mean, spread) {
@@ -49,7 +50,8 @@ pub(super) fn normal(rng: &mut ChaCha8Rng, spare: &mut Option<f32>) -> f32 {
         return x;
     }
     let (u, v) = (1.0 - rng.random::<f64>(), rng.random::<f64>());
-    let (radius, (sin, cos)) = ((-2.0 * u.ln()).sqrt(), (std::f64::consts::TAU * v).sin_cos());
+    let radius = (-2.0 * u.ln()).sqrt();
+    let (sin, cos) = (std::f64::consts::TAU * v).sin_cos();
     *spare = Some((radius * sin) as f32);
     (radius * cos) as f32
 }
@@ -60,13 +62,15 @@ mod tests {
 
     #[test]
     fn noise_drawn_in_parts_is_that_of_one_stream() {
-        let (n, key) = (10_001, StreamKey { seed: 3, number: 9 });
+        let n = 10_001;
+        let key = StreamKey { seed: 3, number: 9 };
         let all = PolicyOutput {
             mean: vec![0.5; n],
             spread: (0..n).map(|k| (k as f32 * 0.01).sin()).collect(),
             value: Vec::new(),
         };
-        let (mut rng, mut spare) = (key.rng(), None);
+        let mut rng = key.rng();
+        let mut spare = None;
         let one: Vec<f32> =
             all.mean.iter().zip(&all.spread).map(|(mu, s)| mu + s.exp() * normal(&mut rng, &mut spare)).collect();
         let apart = one.iter().zip(&drawn(&all, key)).position(|(a, b)| a != b);

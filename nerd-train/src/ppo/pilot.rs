@@ -100,10 +100,12 @@ struct Turn {
 impl Turn {
     /// Begins a turn of policy `which`, with a drawn goal and noise level.
     fn new(all: &All, which: usize, system: &Arc<System>, rng: &mut ChaCha8Rng) -> Self {
-        let (task, actor) = (all[which].compiled(system), all[which].actor.clone());
+        let task = all[which].compiled(system);
+        let actor = all[which].actor.clone();
         let mut goal = vec![0.0; task.goal_dim()];
         task.draw_goal(rng, &mut goal);
-        let (noise, observation) = (NOISE * rng.random::<f64>(), vec![0.0; task.observation_dim()]);
+        let noise = NOISE * rng.random::<f64>();
+        let observation = vec![0.0; task.observation_dim()];
         Self { which, task, actor, goal, noise, observation, action: Vec::new(), stack: None, frame: 0 }
     }
 
@@ -127,8 +129,8 @@ impl Act for Acting {
         {
             self.now = self.now.other(&self.all, rng);
         }
-        let (asked, Turn { task, actor, goal, observation, stack, action, noise, .. }) =
-            (self.now.asked(), &mut self.now);
+        let asked = self.now.asked();
+        let Turn { task, actor, goal, observation, stack, action, noise, .. } = &mut self.now;
         let view = View { state, goal, scene };
         if asked {
             task.observe(view, &mut self.work, observation);
@@ -137,7 +139,8 @@ impl Act for Acting {
                 None => *stack = Some(Stack::new(actor.policy.shape.stack, observation.len(), observation)),
             }
             let answer = actor.answer(stack.as_ref().map_or(&[], |s| &s.rows));
-            let (noise, mut spare) = (*noise as f32, None);
+            let noise = *noise as f32;
+            let mut spare = None;
             let drawn =
                 answer.mean.iter().zip(&answer.spread).map(|(mu, s)| mu + noise * s.exp() * normal(rng, &mut spare));
             *action = drawn.map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();

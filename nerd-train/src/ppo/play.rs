@@ -19,9 +19,12 @@ pub struct Game {
 /// Plays the first episode of every environment under the policy's mean actions; episodes should have just begun. Calls
 /// `progress` after each step with the number of ended episodes.
 pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(usize)) -> Result<Vec<Game>, StepError> {
-    let (actor, mut running) = (Actor::new(policy.clone()), Running::new(episodes, policy.shape.stack));
-    let (mut games, mut reached) = (vec![None; episodes.len()], Vec::new());
-    let (mut errors, width) = (vec![Vec::new(); games.len()], episodes.task.terms().len());
+    let actor = Actor::new(policy.clone());
+    let mut running = Running::new(episodes, policy.shape.stack);
+    let mut games = vec![None; episodes.len()];
+    let mut reached = Vec::new();
+    let mut errors = vec![Vec::new(); games.len()];
+    let width = episodes.task.terms().len();
     let mut terms = vec![vec![0.0; width]; games.len()];
     while games.iter().any(Option::is_none) {
         let actions = actor.mean(&running.stack.rows);
@@ -30,8 +33,8 @@ pub fn play(policy: &Policy, episodes: &mut Episodes, progress: &mut dyn FnMut(u
         let all = terms.iter_mut().zip(result.terms.chunks_exact(width.max(1)));
         all.for_each(|(sums, terms)| add(sums, terms));
         for Ended { env, total: reward, length, .. } in ended {
-            let (errors, terms) =
-                (std::mem::take(&mut errors[env]), std::mem::replace(&mut terms[env], vec![0.0; width]));
+            let errors = std::mem::take(&mut errors[env]);
+            let terms = std::mem::replace(&mut terms[env], vec![0.0; width]);
             games[env].get_or_insert(Game { reward, length, error: last_half(&errors), terms });
         }
         progress(games.iter().flatten().count());

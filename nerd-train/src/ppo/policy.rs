@@ -114,7 +114,8 @@ impl Policy {
         }
         if shape.state_dependent_std {
             // Zero weights and biases of the log standard deviations give standard deviation 1 in every state.
-            let (outputs, inside) = (shape.outputs(), shape.hidden.last().copied().unwrap_or(shape.inputs()));
+            let outputs = shape.outputs();
+            let inside = shape.hidden.last().copied().unwrap_or(shape.inputs());
             let start = flat.len() - (inside + 1) * outputs;
             flat[start..].chunks_exact_mut(outputs).for_each(|row| row[shape.action + 1..].fill(0.0));
         }
@@ -141,7 +142,8 @@ impl Policy {
     }
 
     fn answer_by(&self, network: &Loaded, observations: &[f64]) -> PolicyOutput {
-        let (a, outputs) = (self.shape.action, self.shape.outputs());
+        let a = self.shape.action;
+        let outputs = self.shape.outputs();
         let parts =
             observations.par_chunks(ROWS * self.shape.inputs()).map_init(Default::default, |(memory, inputs), rows| {
                 self.seen.rows(rows, inputs);

@@ -58,10 +58,12 @@ pub struct Learned {
 impl PolicyRun {
     /// Trains the policy, or continues the run that the folder holds.
     pub fn train(&self) -> Result<Learned> {
-        let (started, out) = (Instant::now(), &self.out);
+        let started = Instant::now();
+        let out = &self.out;
         let task = named(&self.task)?;
         self.config.check()?;
-        let (system, solver) = (task.system()?, self.arena.title()?);
+        let system = task.system()?;
+        let solver = self.arena.title()?;
         bearable(&*task, &system, &self.config)?;
         let title = format!("{} on {solver}", self.task);
         // A checkpoint identifies a model by its weights, not by its path.
@@ -76,11 +78,14 @@ impl PolicyRun {
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
             tell!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
         }
-        let (first, _heed) = (trainer.state.iteration, heed());
+        let first = trainer.state.iteration;
+        let _heed = heed();
         trainer.stop = Stop::after(started, self.minutes);
         let spent = self.iterate(&mut trainer, &title, &identity)?;
         let (_, reward) = trainer.best();
-        let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
+        let policy = out.join("policy");
+        let iterations = trainer.state.iteration;
+        let elapsed = started.elapsed();
         let fault = trainer.episodes.fault.clone();
         let done = Learned {
             title,
@@ -104,10 +109,12 @@ impl PolicyRun {
     /// Iterates until all iterations are done or time is up, then writes a checkpoint. If an iteration is interrupted,
     /// the last checkpoint remains.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str) -> Result<Spent> {
-        let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
+        let checkpoint = self.out.join(LAST);
+        let mut saved = Instant::now();
         // The metrics file is opened after the first iteration, so that a run refused in it leaves no file.
         let mut metrics = None;
-        let (mut spent, steps) = (Spent::default(), trainer.config.steps());
+        let mut spent = Spent::default();
+        let steps = trainer.config.steps();
         let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
         let bar = bar_from(&format!("steps of {title}"), done, all);
         let mut last = (trainer.state.iteration, Duration::ZERO);
@@ -181,7 +188,8 @@ impl Spent {
         let Some(rate) = self.rate() else {
             return "all iterations were done before; more --iterations continue".into();
         };
-        let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
+        let all = self.seconds();
+        let whole = [("rollout", self.rollout), ("update", self.update)];
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
         let shares = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect_vec();
         format!("{rate:.0} steps/s: {}", shares.join(", "))
@@ -190,7 +198,8 @@ impl Spent {
 
 /// Refuses a task that terminates at every start.
 fn begun(episodes: &Episodes) -> Result<()> {
-    let (task, mut work) = (&episodes.task, Work::new(&episodes.simulation.batch.system));
+    let task = &episodes.task;
+    let mut work = Work::new(&episodes.simulation.batch.system);
     if (0..episodes.len()).all(|env| task.terminated(episodes.view(env), &mut work)) {
         refuse!(
             "task `{}`: `terminated` is not 0 at any of its starts, so every episode ends with its first step",

@@ -38,7 +38,8 @@ impl Stack {
         fresh: &[f64],
         out: &mut Vec<f64>,
     ) {
-        let (width, all) = (self.width, self.width * self.depth);
+        let width = self.width;
+        let all = self.width * self.depth;
         let seen = reached.par_chunks_exact(width);
         self.rows.par_chunks_exact_mut(all).zip(seen).with_min_len(FEW).for_each(|(row, now)| {
             if width < all {
@@ -54,7 +55,8 @@ impl Stack {
     }
 
     pub(super) fn begin(&mut self, which: impl Fn(usize) -> bool + Sync, fresh: &[f64]) {
-        let (width, all) = (self.width, self.width * self.depth);
+        let width = self.width;
+        let all = self.width * self.depth;
         let rows = self.rows.par_chunks_exact_mut(all).zip(fresh.par_chunks_exact(width)).with_min_len(FEW).enumerate();
         rows.filter(|(env, _)| which(*env)).for_each(|(_, (row, now))| {
             row.fill(0.0);

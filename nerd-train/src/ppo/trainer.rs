@@ -73,11 +73,13 @@ impl Trainer {
     /// A training run from random weights.
     pub fn new(mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check())?;
-        let (found, wanted) = (episodes.len(), config.environments);
+        let found = episodes.len();
+        let wanted = config.environments;
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");
         }
-        let (steps, PpoConfig { minibatch, horizon, .. }) = (config.steps(), &config);
+        let steps = config.steps();
+        let PpoConfig { minibatch, horizon, .. } = &config;
         if *minibatch > steps {
             refuse!(
                 "minibatch is {minibatch}, an iteration has {steps} steps ({wanted} environments x {horizon}): ask for fewer"

@@ -81,7 +81,9 @@ pub(super) fn update(
     key: StreamKey,
 ) -> Updated {
     let mut data = Data::begun(policy, rollout);
-    let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
+    let mut sums = Terms::default();
+    let mut norms = 0.0;
+    let mut batches = 0.0;
     let mut network = TrainingNetwork::new(policy);
     for order in orders(config, key) {
         for batch in order.chunks(config.minibatch) {
@@ -108,7 +110,8 @@ pub(super) fn orders(
     config: &PpoConfig,
     StreamKey { seed, number }: StreamKey,
 ) -> impl Iterator<Item = Vec<u32>> + use<> {
-    let (n, epochs) = (config.steps(), config.epochs as u64);
+    let n = config.steps();
+    let epochs = config.epochs as u64;
     let mut order = (0..n as u32).collect_vec();
     (0..epochs).map(move |epoch| {
         let mut rng = StreamKey { seed, number: number * epochs + epoch }.rng();
@@ -137,7 +140,8 @@ impl<'a> Data<'a> {
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
         policy.returns.absorb(&RunningMoments::of(&returns, 1));
         let all = RunningMoments::of(&rollout.advantages, 1);
-        let (mean, deviation) = (all.mean[0], all.variance[0].sqrt() + 1e-8);
+        let mean = all.mean[0];
+        let deviation = all.variance[0].sqrt() + 1e-8;
         let advantages = rollout.advantages.iter().map(|a| ((a - mean) / deviation) as f32).collect();
         let value_targets = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let inputs = policy.seen.all_rows(&rollout.observations);
@@ -207,7 +211,9 @@ fn gradient(
     config: &PpoConfig,
 ) -> Gradient {
     let shape = &policy.shape;
-    let (a, width, outputs) = (shape.action, shape.inputs(), shape.outputs());
+    let a = shape.action;
+    let width = shape.inputs();
+    let outputs = shape.outputs();
     let parts = batch.par_chunks(ROWS).map(|rows| {
         let mut workspace = network.idle().pop().unwrap_or_default();
         let Workspace { memory, inputs, upstream } = &mut workspace;
@@ -216,7 +222,8 @@ fn gradient(
         upstream.clear();
         upstream.resize(rows.len() * outputs, 0.0);
         let mut part = Gradient::default();
-        let (mut of_spread, mut spreads) = (vec![0.0; a], vec![0.0; shape.spread()]);
+        let mut of_spread = vec![0.0; a];
+        let mut spreads = vec![0.0; shape.spread()];
         let answers = network.network.forward(inputs, memory, Pass::Kept(1)).chunks_exact(outputs);
         for (i, said, d) in izip!(rows, answers, upstream.chunks_exact_mut(outputs)) {
             let i = *i as usize;

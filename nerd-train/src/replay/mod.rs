@@ -31,7 +31,9 @@ pub fn record(
     steps: usize,
 ) -> Result<f64, StepError> {
     page.begin(name);
-    let (mut running, mut reached, mut total) = (Running::new(episodes, actor.policy.shape.stack), Vec::new(), 0.0);
+    let mut running = Running::new(episodes, actor.policy.shape.stack);
+    let mut reached = Vec::new();
+    let mut total = 0.0;
     for _ in 0..steps {
         page.add(&episodes.simulation.batch);
         if page.tracks.len() == 1 {

@@ -81,7 +81,8 @@ impl Ground {
 impl Replay {
     /// A page for the first environment of a batch, without tracks; `dt` is the time between frames (s).
     pub fn new(title: &str, batch: &Batch, dt: f64) -> Self {
-        let (system, scene) = (&batch.system, &batch.scenes[0]);
+        let system = &batch.system;
+        let scene = &batch.scenes[0];
         let up = if scene.gravity.norm() > 0.0 { -scene.gravity.normalize() } else { nalgebra::Vector3::z() };
         Self {
             title: title.into(),

@@ -138,7 +138,8 @@ fn hue(link: usize) -> f64 {
 
 /// A pose as rounded numbers: position (m), then quaternion x y z w.
 pub(super) fn numbers(pose: &Isometry3<f64>) -> [f32; 7] {
-    let (p, q) = (pose.translation.vector, pose.rotation.coords);
+    let p = pose.translation.vector;
+    let q = pose.rotation.coords;
     [p.x, p.y, p.z, q.x, q.y, q.z, q.w].map(rounded)
 }
 

@@ -35,7 +35,9 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     if let Some(pieces) = pieces {
         return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
     }
-    let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
+    let starts = config.rollouts;
+    let steps = horizon(&system.name);
+    let seed = 1_000 + config.record.seed;
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
     let scenes = system.usual_scenes().into_iter().take(2).collect_vec();
     let mut total = 0.0;
@@ -53,7 +55,8 @@ fn family(plan: &Plan) -> Result<Pieces> {
     let Plan { config, system, .. } = plan;
     let before = plan.network.reach() / 2;
     let frames = before + horizon(&system.name);
-    let (transitions, seed) = (config.rollouts * frames, 1_000 + config.record.seed);
+    let transitions = config.rollouts * frames;
+    let seed = 1_000 + config.record.seed;
     let recorded = GenerateConfig {
         transitions,
         frames,

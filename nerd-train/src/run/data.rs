@@ -42,7 +42,8 @@ const KEPT: usize = 2;
 impl Cache {
     /// The motions stored under `name`, or else the result of `make`, which is then stored.
     fn get(&self, name: impl std::fmt::Debug, make: impl FnOnce() -> Result<Motions>) -> Result<Arc<Motions>> {
-        let (name, mut all) = (format!("{name:?}"), self.0.lock().unwrap_or_else(PoisonError::into_inner));
+        let name = format!("{name:?}");
+        let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, found)) = all.iter().find(|(known, _)| *known == name) {
             return Ok(found.clone());
         }
@@ -62,7 +63,9 @@ impl Data {
 
     fn windows(plan: &Plan) -> Result<Self> {
         let Plan { config, system, .. } = plan;
-        let (record, sequence, form) = (&config.record, plan.network.sequence(), plan.mode.form());
+        let record = &config.record;
+        let sequence = plan.network.sequence();
+        let form = plan.mode.form();
         let (mut training, mut validation) = match &plan.measured {
             Some(measured) => {
                 let part = |part: &[_]| {

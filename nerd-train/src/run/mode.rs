@@ -60,7 +60,8 @@ impl RunConfig {
     pub fn mode(&self) -> Result<Mode> {
         self.used()?;
         let Self { base, view, condition_on_params: told, history, head_width, sequence, .. } = *self;
-        let (form, frames) = (Form { base, view, told }, sequence.unwrap_or(1));
+        let form = Form { base, view, told };
+        let frames = sequence.unwrap_or(1);
         let mode = match self.variant {
             Variant::Chain => Mode::Chain { frames },
             Variant::Nerd if self.rolls_out() && self.from.is_none() => {
@@ -90,7 +91,9 @@ impl RunConfig {
 
     /// Refuses settings that differ from their defaults but have no effect together with the other settings.
     fn used(&self) -> Result<()> {
-        let (chain, rolled, log) = (self.variant == Variant::Chain, self.rolls_out(), self.log().is_some());
+        let chain = self.variant == Variant::Chain;
+        let rolled = self.rolls_out();
+        let log = self.log().is_some();
         let sequences = self.stream || chain || self.history == 1 || self.sequence <= Some(1);
         let unused: [(bool, &str, &[&str]); 9] = [
             (
@@ -111,7 +114,8 @@ impl RunConfig {
             (!sequences, "without --stream, --variant chain or NeRD with --history 1", &["sequence"]),
             (self.device != Device::Cuda, "without --device cuda", &["f32"]),
         ];
-        let (own, usual) = (self.given(), Self::default().given());
+        let own = self.given();
+        let usual = Self::default().given();
         let changed = |key: &&&str| own[**key] != usual[**key];
         match unused.iter().filter(|row| row.0).find_map(|(_, why, keys)| Some((keys.iter().find(changed)?, why))) {
             Some((key, why)) => refuse!("--{key} means nothing {why}; leave it out"),

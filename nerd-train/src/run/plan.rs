@@ -52,10 +52,13 @@ impl Plan {
                 system.name
             );
         }
-        let (learner, trainer) = (config.learner(), config.trainer());
+        let learner = config.learner();
+        let trainer = config.trainer();
         learner.check().and(trainer.check())?;
         // Fresh data beyond the tokens that the run reads would be wasted.
-        let (fresh, batch, sequence) = (config.fresh_transitions, learner.batch, network.sequence());
+        let fresh = config.fresh_transitions;
+        let batch = learner.batch;
+        let sequence = network.sequence();
         let looked_at = u128::from(trainer.updates) * (batch * sequence) as u128;
         if fresh as u128 > looked_at {
             refuse!(
@@ -73,7 +76,8 @@ impl Plan {
         }
         recording.check(&system)?;
         recording.until = Stop::after(Instant::now() + PATIENCE, config.minutes).0;
-        let (sequence, recorded) = (mode.frames().unwrap_or(1).max(sequence), config.data.is_none());
+        let sequence = mode.frames().unwrap_or(1).max(sequence);
+        let recorded = config.data.is_none();
         if recorded && sequence > config.record.frames {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
         }

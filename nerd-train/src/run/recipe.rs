@@ -66,7 +66,8 @@ impl Recipe {
         };
         let path = PathBuf::from(format!("nerd-train/assets/runs/{name}.toml"));
         let recipe = Self::parse(&path, text, &Given::new())?;
-        let (own, asked) = (&recipe.runs[0].robot, given.get("robot").and_then(Value::as_str));
+        let own = &recipe.runs[0].robot;
+        let asked = given.get("robot").and_then(Value::as_str);
         if let Some(asked) = asked.filter(|asked| !own.is_empty() && own != asked) {
             refuse!("--recipe {name} trains `{own}`, not `{asked}`");
         }
@@ -125,7 +126,8 @@ impl Recipe {
             return Run::new(one)?.train();
         }
         self.runs.iter().try_for_each(|run| run.check().map(drop))?;
-        let (mut last, cache) = (None, Arc::default());
+        let mut last = None;
+        let cache = Arc::default();
         for run in &self.runs {
             if let Some(done) = run.made()? {
                 last = Some(done);
@@ -155,7 +157,8 @@ impl RunConfig {
 
     /// The folder of the run's model, if it exists and loads.
     pub fn made(&self) -> Result<Option<PathBuf>> {
-        let (done, system) = (self.out.join("model"), self.system()?);
+        let done = self.out.join("model");
+        let system = self.system()?;
         let truth = self.log().map_or_else(|| self.record.truth(&system).name(), |log| Measured::name(&log));
         match Model::load(&done, &system, Some(&truth)) {
             Ok(_) => return Ok(Some(done)),

@@ -114,7 +114,8 @@ impl RecordConfig {
         let config = self.of(system, transitions)?;
         let _claim = claimed(folder)?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
-        let (mut solver, truth) = (self.truth(system).solver(system), self.truth(system).name());
+        let mut solver = self.truth(system).solver(system);
+        let truth = self.truth(system).name();
         let tell = &mut |done: usize, _: usize| bar.set(done as u64);
         let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
         bar.finish();

@@ -27,8 +27,10 @@ impl Run {
     /// Trains, or resumes training. Returns the folder of the model after the last update; `None` if time ran out
     /// before.
     pub fn train(&self) -> Result<Option<PathBuf>> {
-        let (Self { plan, cache }, started) = (self, Instant::now());
-        let (config, out) = (&plan.config, &plan.config.out);
+        let Self { plan, cache } = self;
+        let started = Instant::now();
+        let config = &plan.config;
+        let out = &plan.config.out;
         ours(out)?;
         let _claim = claimed(out)?;
         let mut identity = Identity::of(plan);
@@ -63,8 +65,10 @@ impl Run {
     /// Makes the remaining updates, and the model if time was enough. Each validation writes a line of
     /// `sessions.jsonl`.
     fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
-        let (plan, out) = (&self.plan, &self.plan.config.out);
-        let (Data { judge, sets, windows, .. }, step) = (data, state.step);
+        let plan = &self.plan;
+        let out = &self.plan.config.out;
+        let Data { judge, sets, windows, .. } = data;
+        let step = state.step;
         let mut trainer = self.trainer(identity)?;
         let fresh = self.supply(&judge.normalizer, step)?;
         // The learner is made before files are written, so that a device that refuses the run leaves none behind.
@@ -123,20 +127,25 @@ impl Run {
     /// The supply of fresh data from update `step` on, if the run has any.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         let plan = &self.plan;
-        let (fresh, data) = (plan.config.fresh_transitions, GenerateConfig { until: None, ..plan.recording.clone() });
+        let fresh = plan.config.fresh_transitions;
+        let data = GenerateConfig { until: None, ..plan.recording.clone() };
         if fresh == 0 {
             return Ok(None);
         }
-        let (truth, system) = (plan.config.record.truth(&plan.system), plan.system.clone());
+        let truth = plan.config.record.truth(&plan.system);
+        let system = plan.system.clone();
         let shards = fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
-        let (updates, history, form, normalizer) =
-            (plan.trainer.updates, plan.network.sequence(), plan.mode.form(), normalizer.clone());
+        let updates = plan.trainer.updates;
+        let history = plan.network.sequence();
+        let form = plan.mode.form();
+        let normalizer = normalizer.clone();
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
         Ok(Some(Supply::new(&plan.system, move || truth.solver(&system), config)?))
     }
 
     fn say_stopped(&self, outcome: &Outcome, started: Instant) {
-        let (TrainerConfig { updates, validate_every, .. }, seconds) = (self.plan.trainer, started.elapsed().as_secs());
+        let TrainerConfig { updates, validate_every, .. } = self.plan.trainer;
+        let seconds = started.elapsed().as_secs();
         let so_far = match outcome.best {
             Some((step, _)) => {
                 format!("with --finish it makes a model of the best weights so far, those of update {step}")

@@ -31,7 +31,8 @@ impl<B: Body> Course<B> {
     pub(super) fn check(&self) -> LearnResult {
         let Self { train, validation, frames, .. } = self;
         if train.is_empty() || validation.is_empty() || train.frames < *frames || *frames == 0 {
-            let (motions, long) = (train.len(), train.frames);
+            let motions = train.len();
+            let long = train.frames;
             mismatch!("{motions} motions of {long} frames hold no rollout of {frames}");
         }
         Ok(())
@@ -39,11 +40,14 @@ impl<B: Body> Course<B> {
 
     /// Random draws for the `rows` rollouts of an update.
     pub(super) fn draws(&self, seed: u64, step: u64, rows: usize) -> Vec<Draw<B::View>> {
-        let (mut rng, train) = (stream(seed, step), &self.train);
+        let mut rng = stream(seed, step);
+        let train = &self.train;
         // Draw all numbers for every rollout, so that one rollout never shifts the draws of another.
         let one = |_| {
-            let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
-            let (motion, frame) = (rng.random_range(0..train.len()), rng.random_range(0..=train.frames - self.frames));
+            let anew = rng.random::<f64>() < ANEW;
+            let mirrored = rng.random::<bool>();
+            let motion = rng.random_range(0..train.len());
+            let frame = rng.random_range(0..=train.frames - self.frames);
             let view = self.body.view(rng.random::<f64>() * std::f64::consts::TAU, mirrored);
             Draw { anew, place: Place { motion, frame, view } }
         };

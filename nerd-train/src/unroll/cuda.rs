@@ -71,13 +71,19 @@ impl CudaUnrollLearner {
     ) -> LearnResult<Self> {
         config.check()?;
         course.check()?;
-        let (body, train, frames, rows) = (&course.body, &course.train, course.frames, config.batch);
+        let body = &course.body;
+        let train = &course.train;
+        let frames = course.frames;
+        let rows = config.batch;
         state.weights.config.check()?;
         let plan = Plan::new(state.weights.config.program(), body.tokens())?;
         let mut network = Network::new(plan, rows, precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
         network.device.add(&(body.program(system, colliders) + include_str!("sums.cuh")), &KERNELS)?;
-        let (d, n, rods, width) = (&network.device, rows, body.chain.rods, body.width());
+        let d = &network.device;
+        let n = rows;
+        let rods = body.chain.rods;
+        let width = body.width();
         let optimiser = Optimiser::new(d, config, &state, BETA[1])?;
         Ok(Self {
             ended: vec![None; n],
@@ -102,7 +108,8 @@ impl CudaUnrollLearner {
 
     /// Draws the starts of this update's rollouts; returns their rows for the device.
     fn drawn(&mut self) -> LearnResult<Vec<f64>> {
-        let (frames, through) = (self.course.frames, self.course.train.frames);
+        let frames = self.course.frames;
+        let through = self.course.train.frames;
         let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
         // Rollouts of one frame always start from the truth.
         let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
@@ -128,11 +135,17 @@ impl CudaUnrollLearner {
 
     /// Computes gradient and loss of an update; the loss is stored after the gradient.
     fn pass(&self) -> DeviceResult {
-        let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
-        let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
+        let net = &self.network;
+        let d = &self.network.device;
+        let n = self.network.rows;
+        let frames = self.course.frames;
+        let w = self.optimiser.weights.ptr;
+        let all = &self.optimiser.gradients;
         let weight = 1.0 / (self.config.batch * frames) as f64;
         let Self { states, upstream, kept, losses, nears, of_frame, by_tokens, .. } = self;
-        let (tokens, outputs, p) = (net.at(Slot(0)), net.predictions(), of_frame.len);
+        let tokens = net.at(Slot(0));
+        let outputs = net.predictions();
+        let p = of_frame.len;
         self.along("unroll_begin", &args![states, frames])?;
         net.fold(w)?;
         for k in 0..frames {
@@ -169,7 +182,8 @@ impl Recorded {
         let states = motions.states();
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
-            let (sent, rows) = (d.upload(part)?, part.len() / width);
+            let sent = d.upload(part)?;
+            let rows = part.len() / width;
             d.launch_each("unroll_truths", rows, 64, &args![&sent, truths.at(i * SENT * body.width()), rows])?;
             d.wait()?;
         }

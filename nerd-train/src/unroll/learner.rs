@@ -27,7 +27,8 @@ impl<B: Body> UnrollLearner<B> {
         config.check()?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
-        let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
+        let rollouts = vec![None; config.batch];
+        let optimiser = Optimiser::new(config, state, BETA);
         Ok(Self { optimiser, course, network, rollouts, memory: Mutex::default() })
     }
 
@@ -37,7 +38,9 @@ impl<B: Body> UnrollLearner<B> {
 
     /// Rollouts of the next update: continued from the last update, or restarted at a random place.
     fn drawn(&mut self) -> Vec<Rollout<B>> {
-        let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
+        let frames = self.course.frames;
+        let total = self.course.train.frames;
+        let config = self.optimiser.config;
         let draws = self.course.draws(config.seed, self.optimiser.state.step, config.batch);
         let mut before = std::mem::take(&mut self.rollouts);
         // A failed update leaves no rollouts.
@@ -60,7 +63,8 @@ impl<B: Body> Learner for UnrollLearner<B> {
     fn update(&mut self, lr: f32) -> LearnResult {
         let mut rollouts = self.drawn();
         self.network.load(&self.optimiser.state.weights.flat);
-        let (unroll, weight) = (self.unroll(), 1.0 / (self.optimiser.config.batch * self.course.frames) as f64);
+        let unroll = self.unroll();
+        let weight = 1.0 / (self.optimiser.config.batch * self.course.frames) as f64;
         let part = |rollouts: &mut [Rollout<B>]| {
             let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut memory = taken.unwrap_or_default();

@@ -37,7 +37,8 @@ impl<B: Body> Unroll<'_, B> {
     /// Steps rollouts through H frames. Returns the sum of their losses times `weight`, and the gradient of this sum
     /// with respect to the network's weights. `memory` holds the network's activations by frame.
     pub fn pass(&self, rollouts: &mut [Rollout<B>], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
-        let (frames, mut own) = (self.course.frames, self.course.body.memory());
+        let frames = self.course.frames;
+        let mut own = self.course.body.memory();
         memory.resize_with(frames.max(memory.len()), Memory::default);
         let mut total = 0.0;
         let kept = (0..frames)
@@ -63,12 +64,14 @@ impl<B: Body> Unroll<'_, B> {
         let mut tokens = Vec::new();
         let looks = rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect_vec();
         let outputs = self.network.forward(&tokens, memory, Pass::Kept(body.tokens())).clone();
-        let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
+        let mut before = Vec::with_capacity(rollouts.len());
+        let mut slopes = Vec::with_capacity(rollouts.len());
         let rows = outputs.chunks_exact(outputs.len() / rollouts.len().max(1));
         for (r, look, row) in izip!(rollouts, &looks, rows) {
             let after = body.advance(&r.state, look, row, own);
             r.place.frame += 1;
-            let (truth, mut slope) = (body.truth(train, &r.place), body.level());
+            let truth = body.truth(train, &r.place);
+            let mut slope = body.level();
             *total += body.loss([&after, &truth], k + 1, weight, &mut slope);
             before.push(std::mem::replace(&mut r.state, after));
             slopes.push(slope);
@@ -85,8 +88,11 @@ impl<B: Body> Unroll<'_, B> {
         (own, memory): (&mut B::Memory, &mut Memory),
         gradient: &mut Vec<f32>,
     ) -> Vec<B::Slope> {
-        let (body, count) = (&self.course.body, kept.before.len());
-        let (mut all, mut slopes, mut by_outputs) = (kept.slopes.clone(), Vec::with_capacity(count), Vec::new());
+        let body = &self.course.body;
+        let count = kept.before.len();
+        let mut all = kept.slopes.clone();
+        let mut slopes = Vec::with_capacity(count);
+        let mut by_outputs = Vec::new();
         all.iter_mut().zip(upstream).for_each(|(own, upstream)| body.join(own, upstream, later));
         let rows = kept.outputs.chunks_exact(kept.outputs.len() / count);
         for (before, row, upstream) in izip!(&kept.before, rows, &all) {

@@ -33,7 +33,8 @@ pub struct Robot {
 impl Robot {
     /// Measures units in `motions`.
     pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Motions) -> Self {
-        let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
+        let nv = system.robot.nv();
+        let dofs = system.robot.root_dofs();
         let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
         let rows = (0..motions.len() * motions.frames).step_by(step).collect_vec();
         let mut units = vec![0.0; 2 * nv];
@@ -103,7 +104,8 @@ impl Body for Robot {
         memory: &mut Scratch,
         tokens: &mut Vec<f32>,
     ) -> Looked {
-        let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
+        let mut events = Vec::new();
+        let scene = &motions.scenes[place.motion];
         if !self.around.system.robot.contact_points.is_empty() {
             contacts(&self.around.system, scene, state, &mut memory.data, &mut events);
         }
@@ -175,7 +177,8 @@ impl Body for Robot {
             || (self.memory(), Memory::default()),
             |(scratch, memory), motion, frame| {
                 let place = Place { motion, frame, view: () };
-                let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
+                let before = self.truth(motions, &place);
+                let mut tokens = Vec::new();
                 let events = self.look(&before, (motions, &place), scratch, &mut tokens);
                 let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
                 let after = self.advance(&before, &events, &outputs, scratch);

@@ -14,7 +14,8 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
         return gelu_and_derivative(x, y);
     }
     std::mem::swap(x, y);
-    let (arch, all) = (Arch::new(), y.iter_mut());
+    let arch = Arch::new();
+    let all = y.iter_mut();
     // One loop per activation: the compiler does not vectorise several loops in one closure.
     match f {
         Activation::Gelu => arch.dispatch(|| all.for_each(|x| *x *= 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2)))),
@@ -50,7 +51,8 @@ pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
     dx.resize(x.len(), 0.0);
     Arch::new().dispatch(|| {
         for ((x, dx), dy) in x.chunks_exact(width).zip(dx.chunks_exact_mut(width)).zip(dy.chunks_exact(width / 2)) {
-            let ((a, b), (da, db)) = (x.split_at(width / 2), dx.split_at_mut(width / 2));
+            let (a, b) = x.split_at(width / 2);
+            let (da, db) = dx.split_at_mut(width / 2);
             for ((((a, b), da), db), dy) in a.iter().zip(b).zip(da).zip(db).zip(dy) {
                 let (share, slope) = share_and_slope(*a);
                 (*da, *db) = (dy * b * slope, dy * a * share);
@@ -79,7 +81,8 @@ fn tanh(x: f32) -> f32 {
 
 /// Adjoint of [`forward`], in place on `gradient`; `kept` is x as [`forward`] left it.
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
-    let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));
+    let arch = Arch::new();
+    let pairs = gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y });
     match f {
         Activation::Gelu => arch.dispatch(|| pairs.for_each(|(g, derivative)| *g *= derivative)),
         Activation::Relu => arch.dispatch(|| pairs.for_each(|(g, y)| *g = if *y > 0.0 { *g } else { 0.0 })),
@@ -97,7 +100,8 @@ mod tests {
     fn activations_are_those_of_the_library_and_nan_stays() {
         let xs: Vec<f32> = (-4000..4000).map(|k| k as f32 * 5e-3 + 1e-4).chain([f32::NAN]).collect();
         type Function = fn(f64) -> f64;
-        let (tanh, elu): (Function, Function) = (f64::tanh, |x| if x < 0.0 { x.exp_m1() } else { x });
+        let tanh: Function = f64::tanh;
+        let elu: Function = |x| if x < 0.0 { x.exp_m1() } else { x };
         for (f, library) in [
             (Activation::Tanh, tanh),
             (Activation::Elu, elu),

@@ -40,7 +40,9 @@ impl Attention {
     /// Maps `qkv` `[windows tokens][3 E]` to `out` `[windows tokens][E]`. Leaves queries and keys rotated, and
     /// attention weights in `shares` `[window][head][tokens][width]`.
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
-        let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
+        let t = self.tokens;
+        let e = self.embedding;
+        let width = width(self.tokens);
         let windows = qkv.len() / (t * 3 * e);
         shares.resize(windows * self.heads * t * width, 0.0);
         out.resize(windows * t * e, 0.0);
@@ -54,7 +56,8 @@ impl Attention {
                 for (head, shares) in shares.chunks_exact_mut(t * width).enumerate() {
                     self.lay(qkv, 1, head);
                     for (i, shares) in shares.chunks_exact_mut(width).enumerate() {
-                        let (seen, d) = (self.seen(i), e / self.heads);
+                        let seen = self.seen(i);
+                        let d = e / self.heads;
                         let values = &qkv[self.at(2, head, seen.start).start..];
                         mix(
                             &qkv[self.at(0, head, i)],
@@ -73,7 +76,9 @@ impl Attention {
     /// Adjoint of [`Attention::forward`]: `dqkv` from `upstream` `[windows tokens][E]`. Needs `qkv` and `shares` of the
     /// forward pass.
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], upstream: &[f32], dqkv: &mut Vec<f32>) {
-        let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
+        let t = self.tokens;
+        let e = self.embedding;
+        let width = width(self.tokens);
         dqkv.clear();
         dqkv.resize(qkv.len(), 0.0);
         Arch::new().dispatch(|| {
@@ -94,7 +99,8 @@ impl Attention {
     /// Rotates queries and keys of a window to their positions; sign -1 rotates back.
     #[inline(always)]
     fn turn(&self, qkv: &mut [f32], sign: f32) {
-        let (e, d) = (self.embedding, self.embedding / self.heads);
+        let e = self.embedding;
+        let d = self.embedding / self.heads;
         for (row, turns) in qkv.chunks_exact_mut(3 * e).zip(self.turns.chunks_exact(d)) {
             turn(&mut row[..2 * e], turns, sign);
         }
@@ -111,7 +117,8 @@ impl Attention {
     /// Transposes keys or values (part 1 or 2) of a head into `lying`.
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
-        let (d, width) = (self.embedding / self.heads, width(self.tokens));
+        let d = self.embedding / self.heads;
+        let width = width(self.tokens);
         self.lying.clear();
         self.lying.resize(d * width, 0.0);
         for token in 0..self.tokens {
@@ -129,12 +136,14 @@ impl Attention {
 
     #[inline(always)]
     fn unmix(&mut self, qkv: &[f32], head: usize, shares: &[f32], upstream: &[f32], dqkv: &mut [f32]) {
-        let (d, width) = (self.embedding / self.heads, width(self.tokens));
+        let d = self.embedding / self.heads;
+        let width = width(self.tokens);
         let scale = (d as f32).sqrt().recip();
         self.lay(qkv, 2, head);
         let mut gradients = std::mem::take(&mut self.row);
         for (i, shares) in shares.chunks_exact(width).enumerate() {
-            let (seen, upstream) = (self.seen(i), &upstream[i * self.embedding + head * d..][..d]);
+            let seen = self.seen(i);
+            let upstream = &upstream[i * self.embedding + head * d..][..d];
             gradients.resize(width, 0.0);
             sums(&mut gradients, upstream, &self.lying, width);
             let along: f32 = gradients.iter().zip(shares).map(|(s, p)| s * p).sum();
@@ -174,9 +183,12 @@ impl Ring<'_> {
             // Attention over the new token alone returns that token's value.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
         }
-        let (e, d, width) = (out.len(), out.len() / heads, width(self.history));
+        let e = out.len();
+        let d = out.len() / heads;
+        let width = width(self.history);
         turn(&mut qkv[..2 * e], turns, 1.0);
-        let (slot, seen) = (self.before % self.history, 0..(self.before + 1).min(self.history));
+        let slot = self.before % self.history;
+        let seen = 0..(self.before + 1).min(self.history);
         let (keys, values) = self.past.split_at_mut(e * width);
         values[slot * e..][..e].copy_from_slice(&qkv[2 * e..]);
         for (keys, k) in keys.chunks_exact_mut(width).zip(&qkv[e..2 * e]) {
@@ -263,7 +275,8 @@ fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
 /// `y += a x`.
 #[inline(always)]
 fn add(y: &mut [f32], a: f32, x: &[f32]) {
-    let ((y, y_rest), (x, x_rest)) = (y.as_chunks_mut::<8>(), x.as_chunks::<8>());
+    let (y, y_rest) = y.as_chunks_mut::<8>();
+    let (x, x_rest) = x.as_chunks::<8>();
     for (y, x) in y.iter_mut().zip(x) {
         (0..8).for_each(|i| y[i] += a * x[i]);
     }

@@ -92,7 +92,8 @@ impl Loaded {
                 }
                 let (inner, outer) = (self.program.width(from), self.program.width(to));
                 if let Some(gradient) = gradient {
-                    let (n, w) = (dy.len() / outer, self.tensor(weight));
+                    let n = dy.len() / outer;
+                    let w = self.tensor(weight);
                     cut.cut(n, &dy);
                     cut.across(x, &mut gradient[range(weight)]);
                     if let Some(bias) = bias {

@@ -120,14 +120,18 @@ impl Product<'_> {
     #[inline(always)]
     fn panels<S: Simd, const R: usize, const V: usize>(self, simd: S) {
         let Self { matrix: Matrix { inner, outer, panels, .. }, x, out, add, bias, across } = self;
-        let (inner, outer, width) = (*inner, *outer, V * S::F32_LANES);
-        let (rows, near) = (x.len() / inner, if across { NEAR } else { inner });
+        let inner = *inner;
+        let outer = *outer;
+        let width = V * S::F32_LANES;
+        let rows = x.len() / inner;
+        let near = if across { NEAR } else { inner };
         let (vectors, _) = S::as_simd_f32s(panels);
         for (panel, first) in vectors.chunks_exact(inner * V).zip((0..outer).step_by(width)) {
             let columns = first..outer.min(first + width);
             let bias = bias.map(|bias| &bias[columns.clone()]);
             for (part, panel) in panel.as_chunks::<V>().0[..inner].chunks(near).enumerate() {
-                let (x, add) = (&x[part * near * rows..], add || part > 0);
+                let x = &x[part * near * rows..];
+                let add = add || part > 0;
                 let mut outs = out.chunks_exact_mut(R * outer);
                 let mut row = 0;
                 for out in &mut outs {
@@ -153,7 +157,8 @@ fn tile<S: Simd, const R: usize, const V: usize>(
     (rows, row, across): (usize, usize, bool),
     panel: &[[S::f32s; V]],
 ) -> [[S::f32s; V]; R] {
-    let (inner, mut sums) = (panel.len(), [[simd.splat_f32s(0.0); V]; R]);
+    let inner = panel.len();
+    let mut sums = [[simd.splat_f32s(0.0); V]; R];
     if across {
         for (x, panel) in x.chunks_exact(rows).zip(panel) {
             let x = &x[row..][..R];
@@ -240,7 +245,9 @@ mod tests {
                 let (r, c) = (i / outer, i % outer);
                 (0..inner).map(|k| f64::from(x[r * inner + k]) * f64::from(w[k * outer + c])).sum::<f64>()
             };
-            let (mut set, mut added, mut biased) = (Vec::new(), vec![1.0; rows * outer], Vec::new());
+            let mut set = Vec::new();
+            let mut added = vec![1.0; rows * outer];
+            let mut biased = Vec::new();
             matrix.product(&x, None, &mut set);
             matrix.product(&x, Some(&vec![1.0; outer]), &mut biased);
             matrix.add_product(&x, &mut added);
@@ -256,7 +263,8 @@ mod tests {
                 across.iter().chain(&other).zip(set.iter().cycle()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
             assert!(apart < 1e-5, "[{rows}, {inner}] [{inner}, {outer}]: transposes, off by {apart:.1e}");
             for (i, (s, a)) in set.iter().zip(&added).enumerate() {
-                let (s, a) = (f64::from(*s) - exact(i), f64::from(*a) - 1.0 - exact(i));
+                let s = f64::from(*s) - exact(i);
+                let a = f64::from(*a) - 1.0 - exact(i);
                 assert!(
                     s.abs() < 1e-5 && a.abs() < 1e-5,
                     "[{rows}, {inner}] [{inner}, {outer}], entry {i}: off by {s:.1e}, added {a:.1e}"

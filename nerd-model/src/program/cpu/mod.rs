@@ -78,7 +78,8 @@ impl Loaded {
             .steps
             .iter()
             .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_)));
-        let (starts, folded) = (program.starts(), vec![Vec::new(); program.steps.len()]);
+        let starts = program.starts();
+        let folded = vec![Vec::new(); program.steps.len()];
         let mut loaded = Self { program, starts, folded, ends, mixing, ..Self::default() };
         loaded.load(flat);
         loaded
@@ -97,7 +98,8 @@ impl Loaded {
 
     fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Matrix {
         let Op::Linear { weight, scale, .. } = op else { return Matrix::default() };
-        let (inner, values) = (self.program.tensors[weight.0].shape[0], self.tensor(weight));
+        let inner = self.program.tensors[weight.0].shape[0];
+        let values = self.tensor(weight);
         let Some(scale) = scale else { return Matrix::new(inner, values) };
         folded.clear();
         let rows = values.chunks_exact(values.len() / inner).zip(self.tensor(scale));
@@ -139,7 +141,8 @@ impl Loaded {
 
     fn step(&self, i: usize, attentions: &mut impl Iterator<Item = usize>, memory: &mut Memory, pass: &mut Pass) {
         let super::Step { from, to, op } = self.program.steps[i];
-        let (width, keep) = (self.program.width(from), matches!(pass, Pass::Kept(_)));
+        let width = self.program.width(from);
+        let keep = matches!(pass, Pass::Kept(_));
         let Memory { values, aside, spare, attention, .. } = memory;
         let mut x = std::mem::take(&mut values[from.0]);
         let mut y = if to == from { Vec::new() } else { std::mem::take(&mut values[to.0]) };

@@ -18,7 +18,8 @@ pub const RANDOM: &str = include_str!("random.cuh");
 /// # Errors
 /// The scene that starts keep clear of has a shape without a kernel, or more colliders than `reach`.
 pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
-    let (colliders, reach) = (reach.colliders, Reach { driven: false, ..reach });
+    let colliders = reach.colliders;
+    let reach = Reach { driven: false, ..reach };
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
     let clear = least_clearance(system, Start::Reset);
     let apart = match (&clear, &system.spec.data_scene) {

@@ -130,7 +130,8 @@ BIG bool set_thetas(Work& w, real h) {
     Drives& d = w.drives;
     for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) d.held[k] = 0;
     for_up<0, DRIVES>([&](auto i) {
-        const real weight = w.weight[DRIVEN_AT + i], v = w.tree.qd[DOFS + i], gap = (real)(w.tree.q[COORDS + i] - d.target[i]), effort = d.effort[i];
+        const real weight = w.weight[DRIVEN_AT + i], effort = d.effort[i];
+        const real v = w.tree.qd[DOFS + i], gap = (real)(w.tree.q[COORDS + i] - d.target[i]);
         d.theta[0][i] = spring_theta(h * h * d.kp[i] * weight);
         d.theta[1][i] = most(1 - inverse(h * d.kd[i] * weight), (real)0.5);
         d.torque[i] = -(d.kp[i] * gap + d.kd[i] * (v - d.speed[i]));
@@ -147,7 +148,8 @@ FN void bend(Work& w, Touch& t, V3 turned, real h) {
     const int point = t.index / w.surfaces;
     const Motion twist = tr.velocity[t.link];
     Motion a = motion(v3(0, 0, 0), v3(0, 0, 0));
-    for (int i = t.link; i >= (DOFS ? 1 : 0); i = PARENT[i]) a = a + cross(tr.velocity[i], tr.axis[i] * w.middle[DOF[i]]);
+    for (int i = t.link; i >= (DOFS ? 1 : 0); i = PARENT[i])
+        a = a + cross(tr.velocity[i], tr.axis[i] * w.middle[DOF[i]]);
     V3 moves = at(twist, t.x + t.normal * RADIUS[point]);
     if (LOCI && LOCUS[point] == 1) moves = at(twist, middle(tr, point)) + runs(tr, point, t.normal, twist.ang, h);
     const V3 bent = at(a, t.x) + cross(twist.ang, moves) - turned;
@@ -192,17 +194,22 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             if (turns) { w.middle[0] = next.x; w.middle[1] = next.y; w.middle[2] = next.z; }
             bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
             // A root's p_ddot is its spatial acceleration plus w x v.
-            if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
+            const real* m = w.middle;
+            if (DOFS) turned = cross(v3(m[0], m[1], m[2]), v3(m[3], m[4], m[5]));
             for (int k = 0; k < w.points; k++) bend(w, w.touch[k], turned, h);
             for_up<0, NV>([&](auto k) { w.right[k] = -tr.tau[k]; });
-            for_up<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i]; });
+            for_up<0, NJ>([&](auto i) {
+                w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.damping_used[i] * tr.qd[DOFS + i];
+            });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = update_touches(w, h, settled, pass);
         if (WHIPS) {
             // In a chain that whips, the rate of the substep before does not predict this substep's middle velocity.
             real jump = 0;
-            for_up<DOFS, NV>([&](auto k) { jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k])); });
+            for_up<DOFS, NV>([&](auto k) {
+                jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k]));
+            });
             jump *= h;
             found = jump <= FAR_OFF;
             // A jump of the velocity because a contact separated is no whip.

@@ -1,4 +1,4 @@
-// Derivatives of contact and joint forces in a substep, as articulated/gradients/law.rs.
+// Derivatives of contact and joint forces in a substep, as articulated/gradients/law.rs and contact_law.rs.
 
 FN M3 outer(V3 a, V3 b) {
     M3 m = {{a.x * b.x, a.x * b.y, a.x * b.z, a.y * b.x, a.y * b.y, a.y * b.z, a.z * b.x, a.z * b.y, a.z * b.z}};
@@ -24,7 +24,8 @@ FN Drag dragged(real normal, real speed, real friction_damping, real friction) {
 }
 
 // Gradient w.r.t. theta => added to those w.r.t. x (stiffness or damping) and w, unless theta is at its lower bound.
-template <class T> FN void shared(real share, real bound, real top, real x, real w, T by_share, T& by_own, T& by_weight) {
+template <class T>
+FN void shared(real share, real bound, real top, real x, real w, T by_share, T& by_own, T& by_weight) {
     if (!(share > bound)) return;
     by_own = by_own + by_share * ((top - share) / x);
     by_weight = by_weight + by_share * ((top - share) / w);
@@ -46,12 +47,15 @@ template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& 
 // of the velocity at zero qdd; by_held: held force.
 struct Law { V3 force, by_gap, by_weight, by_across; M3 by_change, by_velocity, by_bend, by_held; };
 
-template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool again, bool mean_theta, const M* material, Law& law) {
+template <class M>
+BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool again, bool mean_theta,
+                     const M* material, Law& law) {
     const V3 n = t.normal;
     const real k = t.stiffness, spring = t.theta[0], slide = t.theta[2];
     change = change + t.turn * h;
     const real vn = dot(n, t.start), dn = dot(n, change), released = k * t.release;
-    const bool then_parting = dot(n, t.velocity) >= 0, parting = first ? then_parting : parts(t, vn, dn, h, weight, mean_theta);
+    const bool then_parting = dot(n, t.velocity) >= 0;
+    const bool parting = first ? then_parting : parts(t, vn, dn, h, weight, mean_theta);
     const real d_then = then_parting ? released : t.approach, d = parting ? released : t.approach;
     const real damper = damper_theta(h, d, weight, mean_theta);
     const real normal = -(k * (t.gap + spring * h * dn) + d * (vn + damper * dn));
@@ -70,7 +74,8 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     for (int i = 0; i < 9; i++) by_slip.m[i] = nn.m[i] * now.value - (i % 4 == 0 ? now.value : 0);
     by_slip = sum(by_slip, outer(slip, slip), -along);
     const M3 by_start = sum(by_slip, pressed, -d);
-    for (int i = 0; i < 9; i++) law.by_change.m[i] = by_slip.m[i] * slide - pressed.m[i] * (k * spring * h + d * damper);
+    for (int i = 0; i < 9; i++)
+        law.by_change.m[i] = by_slip.m[i] * slide - pressed.m[i] * (k * spring * h + d * damper);
     V3 by_gap = by_normal * -k, by_k = by_normal * -(t.gap + spring * h * dn), by_d = by_normal * -(vn + damper * dn);
     V3 by_stick = slip * -now.by_damping, by_then = first ? slip * (real)-1 : v3(0, 0, 0);
     law.by_weight = v3(0, 0, 0);
@@ -84,8 +89,10 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     by_k = by_k - normal_then * t.gap;
     V3 by_vn = normal_then * -d_then, by_half;
     const real approach = (real)material[1], release = (real)(material[0] * material[7]);
-    const V3 by_part = by_k * (real)material[0] + by_d * (parting ? release : approach) - normal_then * (vn_then * (then_parting ? release : approach));
-    if (parted(t.gap, (real)0.5 * h * vn_then, by_part, by_gap, by_half)) by_vn = by_vn + by_half * ((vn_then < 0 ? -1 : 1) * (real)0.5 * h);
+    const V3 by_part = by_k * (real)material[0] + by_d * (parting ? release : approach)
+        - normal_then * (vn_then * (then_parting ? release : approach));
+    if (parted(t.gap, (real)0.5 * h * vn_then, by_part, by_gap, by_half))
+        by_vn = by_vn + by_half * ((vn_then < 0 ? -1 : 1) * (real)0.5 * h);
     law.by_gap = by_gap;
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
     const real c = t.friction_damping;
@@ -110,7 +117,9 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
 // and normal velocity, with `first`.
 struct TurnLaw { V3 torque, by_press, by_across; M3 by_change, by_spin, by_held; real by_gap, by_vn; };
 
-template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, bool again, const M* material, const Law& law, TurnLaw& own) {
+template <class M>
+BIG void turn_law(const Touch& t, V3 change, real h, bool first, bool again, const M* material, const Law& law,
+                  TurnLaw& own) {
     const V3 n = t.normal, seen = t.spin + change - t.turn_offset, slip = first ? t.spin - t.turn_offset_start : seen;
     real press = most(dot(n, law.force), 0);
     own.by_gap = own.by_vn = 0;
@@ -120,8 +129,10 @@ template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool fir
         if (press > 0) {
             real by_half;
             own.by_gap = -t.stiffness; own.by_vn = -t.damping;
-            const real by_part = -t.gap * (real)material[0] - vn * (real)(vn < 0 ? material[1] : material[0] * material[7]);
-            if (parted(t.gap, (real)0.5 * h * vn, by_part, own.by_gap, by_half)) own.by_vn += by_half * (vn < 0 ? -1 : 1) * (real)0.5 * h;
+            const real damping = (real)(vn < 0 ? material[1] : material[0] * material[7]);
+            const real by_part = -t.gap * (real)material[0] - vn * damping;
+            if (parted(t.gap, (real)0.5 * h * vn, by_part, own.by_gap, by_half))
+                own.by_vn += by_half * (vn < 0 ? -1 : 1) * (real)0.5 * h;
         } else {
             press = 0;
         }
@@ -129,17 +140,20 @@ template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool fir
     const real about = dot(n, seen), about_then = dot(n, slip), c = sticks(t);
     const V3 across = seen - n * about, across_then = slip - n * about_then;
     const real faster = norm(across_then);
-    const Drag drag = dragged(press, size(about_then), stick(t, t.torsion), t.torsion), turning = dragged(press, faster, stick(t, t.rolling), t.rolling);
+    const Drag drag = dragged(press, size(about_then), stick(t, t.torsion), t.torsion);
+    const Drag turning = dragged(press, faster, stick(t, t.rolling), t.rolling);
     const V3 by_fast = n * (about_then < 0 ? -drag.by_speed : drag.by_speed);
     const V3 by_faster = turning.by_speed == 0 ? v3(0, 0, 0) : across_then * (turning.by_speed / faster);
     const M3 nn = outer(n, n);
-    for (int i = 0; i < 9; i++) own.by_held.m[i] = nn.m[i] * (turning.value - drag.value) - (i % 4 == 0 ? turning.value : 0);
+    for (int i = 0; i < 9; i++)
+        own.by_held.m[i] = nn.m[i] * (turning.value - drag.value) - (i % 4 == 0 ? turning.value : 0);
     own.torque = own.by_held * seen;
     own.by_spin = sum(sum(own.by_held, outer(n, by_fast), -about), outer(across, by_faster), -1);
     own.by_change = first ? own.by_held : own.by_spin;
     own.by_press = n * (-about * drag.by_normal) - across * turning.by_normal;
     // The turn offset is the held torque over the sticking drag.
-    own.by_across = n * (drag.value > 0 ? -about * drag.by_damping : 0) - across * (turning.value > 0 ? turning.by_damping : 0);
+    own.by_across = n * (drag.value > 0 ? -about * drag.by_damping : 0)
+        - across * (turning.value > 0 ? turning.by_damping : 0);
     own.by_across = own.by_across + own.by_change * t.turn_offset * (1 / c);
     if (first) own.by_across = own.by_across + sum(own.by_spin, own.by_held, -1) * t.turn_offset_start * (1 / c);
     own.by_across = own.by_across * (-c * (t.friction_damping * h / STICK_DRAG));
@@ -162,7 +176,8 @@ FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool fir
         return law;
     }
     const real* limit = LIMIT + 4 * (t.dof - DOFS);
-    const real k = t.stiffness, d = t.damping, spring = t.theta[0], damper = t.theta[1], side = t.x.x, rate = t.velocity.x;
+    const real k = t.stiffness, d = t.damping, spring = t.theta[0], damper = t.theta[1];
+    const real side = t.x.x, rate = t.velocity.x;
     change *= side;
     real by_k = -(t.gap + spring * h * change), by_d = -(rate + damper * change), by_half;
     law.by_change = -(k * spring * h + d * damper); law.by_gap = -k; law.by_rate = -d;

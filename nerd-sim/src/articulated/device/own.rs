@@ -91,7 +91,8 @@ impl Own {
     pub(super) fn write(self, text: &mut Text, system: &System, solver: bool) {
         let mut at = 0;
         for (k, ((name, _), numbers)) in TABLES.iter().zip(tables(system)).enumerate() {
-            let (here, count) = (solver == (k < SOLVERS), numbers.len());
+            let here = solver == (k < SOLVERS);
+            let count = numbers.len();
             if self.has(k) {
                 let place = if k < SOLVERS { format!("((of).own + {at})") } else { format!("((of) + SHARED + {at})") };
                 text.0 += &if here { format!("#define {name}(of) {place}\n") } else { String::new() };
@@ -144,7 +145,9 @@ fn fold(m: &Material) -> [f64; 6] {
 }
 
 fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
-    let (robot, bounds, motors) = (&system.robot, Bounds::new(system), &system.motors);
+    let robot = &system.robot;
+    let bounds = Bounds::new(system);
+    let motors = &system.motors;
     let links = |of: &dyn Fn(&Link) -> Vec<f64>| robot.links.iter().flat_map(of).collect::<Vec<f64>>();
     let joints = |of: fn(&Joint) -> f64| robot.joints().map(of).collect::<Vec<f64>>();
     let each =

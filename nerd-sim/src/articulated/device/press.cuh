@@ -40,7 +40,8 @@ FN Push push(const Touch& t, real h) {
 struct Pull { real torque, resists; };
 FN Pull pull(const Touch& t, real h) {
     if (!t.spring) { Pull p = {-t.start.y * t.drag, t.theta[2] * t.drag * h}; return p; }
-    Pull p = {-t.x.x * (t.stiffness * t.gap + t.damping * t.start.x), (t.theta[0] * h * t.stiffness + t.theta[1] * t.damping) * h};
+    const real torque = -t.x.x * (t.stiffness * t.gap + t.damping * t.start.x);
+    Pull p = {torque, (t.theta[0] * h * t.stiffness + t.theta[1] * t.damping) * h};
     return p;
 }
 
@@ -50,7 +51,10 @@ BIG bool pressed(Work& w, real h) {
     real here[HERE], *l = UNROLLED ? here : tr.factor;
     real x[NV], stiff[NV];
     for_up<0, NV>([&](auto k) { w.qdd[k] = w.right[k]; stiff[k] = 0; });
-    for_up<0, DRIVES>([&](auto i) { w.qdd[DOFS + i] += w.drives.torque[i]; stiff[DOFS + i] = w.drives.resists[i] * h; });
+    for_up<0, DRIVES>([&](auto i) {
+        w.qdd[DOFS + i] += w.drives.torque[i];
+        stiff[DOFS + i] = w.drives.resists[i] * h;
+    });
     for (int k = w.points; k < w.touches; k++) {
         const Touch& t = w.touch[k];
         const Pull p = pull(t, h);
@@ -93,7 +97,10 @@ BIG bool pressed_along(Work& w, real h) {
     inertias(tr, w.along);
     for (int k = 0; k < NV; k++) w.qdd[k] = w.right[k];
     for (int i = 0; i < NJ; i++) w.along.joints[i] = w.along.dampers[i];
-    for (int i = 0; i < DRIVES; i++) { w.qdd[DOFS + i] += w.drives.torque[i]; w.along.joints[i] += w.drives.resists[i] * h; }
+    for (int i = 0; i < DRIVES; i++) {
+        w.qdd[DOFS + i] += w.drives.torque[i];
+        w.along.joints[i] += w.drives.resists[i] * h;
+    }
     for (int i = 0; i < NL; i++) for (int k = 0; k < 6; k++) w.along.force[i][k] = 0;
     for (int k = 0; k < w.points; k++) {
         const Touch& t = w.touch[k];
@@ -146,7 +153,8 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         const V3 slip = seen - n * dot(n, seen) - t.slip_offset;
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.drag;
         const real slips = norm(slip), inertia = 2 * t.friction_damping / STICK_DRAG;
-        real next = breaking(most(normal, 0), slips, t.drag, t.friction_damping, t.friction, leaps ? inertia : infinite());
+        const real leap = leaps ? inertia : infinite();
+        real next = breaking(most(normal, 0), slips, t.drag, t.friction_damping, t.friction, leap);
         // If a force within the friction cone stops the slip, the contact sticks at once.
         if (pass == 0 && slips * (t.drag + inertia) <= t.friction * normal) next = t.friction_damping;
         w.creeps = w.creeps || next >= t.friction_damping && norm(slip + t.slip_offset) > CREEPS;
@@ -163,7 +171,9 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         const V3 turn = t.spin + turned * h - t.turn_offset;
         t.torque = t.parted ? v3(0, 0, 0) : turn_torque(t, turn);
         turn_drags(t, t.parted ? 0 : normal, turn, leaps, about, turning);
-        const auto differs = [&](real now, real before) { return size(now - before) > settled * most(before, (real)1e-12); };
+        const auto differs = [&](real now, real before) {
+            return size(now - before) > settled * most(before, (real)1e-12);
+        };
         changed = changed || differs(about, t.about) || differs(turning, t.turning);
         t.about = about; t.turning = turning;
 #endif
@@ -174,7 +184,8 @@ BIG bool update_touches(Work& w, real h, real settled, int pass) {
         const real change = w.qdd[t.dof] * h;
         // Dry friction has theta 1, so it may add energy where its joint reverses.
         w.may_gain_energy = w.may_gain_energy || t.start.y * (t.start.y + change) < 0;
-        const real next = drag(-t.stiffness * t.gap, size(t.start.y + change * t.theta[2]), t.friction_damping, t.friction);
+        const real speed = size(t.start.y + change * t.theta[2]);
+        const real next = drag(-t.stiffness * t.gap, speed, t.friction_damping, t.friction);
         changed = changed || size(next / t.drag - 1) > settled;
         t.drag = next;
     }

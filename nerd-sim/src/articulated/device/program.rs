@@ -138,7 +138,8 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// CUDA text of the functions without a kernel: with `steps` those that step frames, otherwise those of the code around
 /// the steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
-    let (robot, mut text) = (&system.robot, Text::default());
+    let robot = &system.robot;
+    let mut text = Text::default();
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     sizes(&mut text, system, config, reach);
     flags(&mut text, system, reach, steps);

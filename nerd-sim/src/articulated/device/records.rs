@@ -11,8 +11,11 @@ use crate::scene::{Field, Hull};
 /// # Errors
 /// Those of [`record`], and robots that differ otherwise than by `[vary]`.
 pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
-    let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
-    let (mut count, mut behind) = (0, Behind::default());
+    let mut records: Vec<f64> = Vec::new();
+    let mut of: Vec<i32> = Vec::new();
+    let mut last: Option<&Arc<Scene>> = None;
+    let mut count = 0;
+    let mut behind = Behind::default();
     for (env, scene) in batch.scenes.iter().enumerate() {
         let own = batch.of(env);
         if own.spec.vary != batch.system.spec.vary || own.spec.vary.is_none() && !batch.systems.is_empty() {
@@ -35,7 +38,8 @@ pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), Stri
 /// # Errors
 /// Those of [`record`].
 pub(super) fn alone(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, String> {
-    let (mut behind, mut numbers) = (Behind::default(), record(scene, system, reach)?);
+    let mut behind = Behind::default();
+    let mut numbers = record(scene, system, reach)?;
     behind.take(scene, 0);
     behind.write(&mut numbers);
     Ok(numbers)

@@ -117,7 +117,8 @@ impl<M: Motion> OnDevice<M> {
 
 impl<M: Motion> Roll for OnDevice<M> {
     fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
-        let (n, joints) = (batch.len(), batch.system.robot.joint_count());
+        let n = batch.len();
+        let joints = batch.system.robot.joint_count();
         let width = n * joints;
         let hold = torques.len() == width;
         if frames == 0 || (!hold && torques.len() != frames * width) {
@@ -125,7 +126,9 @@ impl<M: Motion> Roll for OnDevice<M> {
         }
         looked_at(batch, &torques[..width], &mut self.faults)?;
         if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
-            let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
+            let frame = 1 + at / width;
+            let env = at % width / joints;
+            let x = torques[width + at];
             return Err(StepError::Solver(format!(
                 "a torque of environment {env} in frame {frame} of the roll is {x}"
             )));

@@ -20,7 +20,8 @@ pub(super) struct Rows {
 
 impl Rows {
     pub(super) fn new(device: &Device, batch: &Batch, rows: usize) -> Result<Self, DeviceError> {
-        let (n, robot) = (batch.len(), &batch.system.robot);
+        let n = batch.len();
+        let robot = &batch.system.robot;
         let wide = n * rows * 2 * robot.nv();
         Ok(Self {
             rows,

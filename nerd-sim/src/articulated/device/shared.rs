@@ -43,7 +43,8 @@ impl SharedStates {
     /// Uploads the states of a simulation.
     pub fn new(simulation: &mut Simulation) -> Result<Self, StepError> {
         let device = Device::open(KERNELS, &["take", "give"]).map_err(failed)?;
-        let (states, went) = (device.zeros(simulation.batch.states.len()), device.zeros(simulation.batch.len()));
+        let states = device.zeros(simulation.batch.states.len());
+        let went = device.zeros(simulation.batch.len());
         let mut shared =
             Self { states: Arc::new(states.map_err(failed)?), went: went.map_err(failed)?, stepped: false, device };
         shared.hold(simulation)?;
@@ -78,7 +79,8 @@ impl SharedStates {
         let resident = resident(&mut simulation.solver)?;
         let work = || -> Result<(), DeviceError> {
             let Some((_, held)) = resident.held() else { return Ok(()) };
-            let (states, tau) = (self.states.len, held.n * held.joints);
+            let states = self.states.len;
+            let tau = held.n * held.joints;
             let over = |kernel, entries: usize, args: &[nerd_cuda::Arg]| {
                 self.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
             };

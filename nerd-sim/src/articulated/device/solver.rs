@@ -61,8 +61,10 @@ impl Motion for Whole {
         let text = program(&batch.system, &self.config, self.real, reach);
         let device = Device::open(&text, &["advance"]).map_err(failed)?;
         if reach.own.rigged() {
-            let (n, joints) = (batch.len(), batch.system.robot.joint_count());
-            let (asked, known) = (device.zeros(n * LATEST as usize * joints), device.zeros(n));
+            let n = batch.len();
+            let joints = batch.system.robot.joint_count();
+            let asked = device.zeros(n * LATEST as usize * joints);
+            let known = device.zeros(n);
             self.rig =
                 Some(Rig { asked: asked.map_err(failed)?, known: known.map_err(failed)?, next: vec![u64::MAX; n] });
         }

@@ -17,7 +17,9 @@ pub fn tables(text: &mut Text, system: &System) {
 
 fn links(text: &mut Text, system: &System) {
     let robot = &system.robot;
-    let (dofs, first, count) = (robot.dofs(), robot.root_dofs(), robot.links.len());
+    let dofs = robot.dofs();
+    let first = robot.root_dofs();
+    let count = robot.links.len();
     let joint = |i: usize| robot.links[i].joint.as_ref();
     let mut whole = |name: &str, f: &dyn Fn(usize) -> f64| text.table("int", name, (0..count).map(f));
     whole("PARENT", &|i| robot.links[i].parent.map_or(-1.0, |p| p as f64));
@@ -59,9 +61,14 @@ fn points(text: &mut Text, robot: &Robot) {
     text.table("real", "POINT", points.iter().flat_map(|p| [p.local.x, p.local.y, p.local.z]));
     text.table("real", "RADIUS", points.iter().map(|p| p.radius));
     text.table("real", "REACH", points.iter().map(|p| p.reach()));
-    let (mut kinds, mut rims, mut hulls, mut all) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut kinds = Vec::new();
+    let mut rims = Vec::new();
+    let mut hulls = Vec::new();
+    let mut all = Vec::new();
     for point in points {
-        let (mut kind, mut rim, first) = (0.0, [0.0; 6], all.len() / 3);
+        let mut kind = 0.0;
+        let mut rim = [0.0; 6];
+        let first = all.len() / 3;
         match &point.locus {
             Locus::Fixed => {}
             Locus::Rim { axis, radius, turn } => {

@@ -41,9 +41,12 @@ impl Row {
     /// Backward pass over a stage's rate, `explicit::rate`: writes the gradient with respect to the numbers of the
     /// stage's state to `by_stage`. Uses the row's pose and speed as working memory.
     fn back_rate(&mut self, (robot, gravity): (&Robot, &Vector3<f64>), stage: &Flown, memory: &mut Memory) {
-        let (nq, dofs, coords) = (robot.nq(), robot.root_dofs(), robot.root_coords());
+        let nq = robot.nq();
+        let dofs = robot.root_dofs();
+        let coords = robot.root_coords();
         let Memory { adjoint, flight: Flight { by_stage, by_rate, virtuals, qdd, .. }, .. } = memory;
-        let (data, (q, qd)) = (&stage.data, stage.state.split_at(nq));
+        let data = &stage.data;
+        let (q, qd) = stage.state.split_at(nq);
         virtuals.copy_from_slice(&by_rate[nq..]);
         qdd.copy_from_slice(&stage.rate[nq..]);
         self.pose.fill(0.0);
@@ -81,7 +84,9 @@ impl Row {
 
     /// Writes the row's gradients with respect to the numbers of a state `[q, qd]`, with a quaternion of any norm.
     fn numbers(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
-        let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
+        let dofs = robot.root_dofs();
+        let coords = robot.root_coords();
+        let nq = robot.nq();
         out[coords..nq].copy_from_slice(&self.pose[dofs..]);
         out[nq..].copy_from_slice(&self.speed);
         if robot.floating() {
@@ -92,7 +97,9 @@ impl Row {
 
     /// Converts `by`, a gradient with respect to the numbers of a state, to the row's gradients.
     fn take_numbers(&mut self, robot: &Robot, state: &[f64], by: &[f64]) {
-        let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
+        let dofs = robot.root_dofs();
+        let coords = robot.root_coords();
+        let nq = robot.nq();
         self.pose[dofs..].copy_from_slice(&by[coords..nq]);
         self.speed.copy_from_slice(&by[nq..]);
         if robot.floating() {

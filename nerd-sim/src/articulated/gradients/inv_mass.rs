@@ -5,8 +5,8 @@ use nerd_core::dynamics::onto;
 use super::super::touch::{Contact, Touch};
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::{
-    super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, row::Row,
-    stage::Place,
+    super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, laws::Place,
+    row::Row,
 };
 use crate::prelude::*;
 
@@ -27,7 +27,8 @@ impl Workspace {
         rows: &mut [Row],
         memory: &mut Memory,
     ) {
-        let (robot, h) = (&place.system.robot, step.h);
+        let robot = &place.system.robot;
+        let h = step.h;
         let mut factored = None;
         let mut factor = |own: &mut Self| *factored.get_or_insert_with(|| own.factor.refill(&own.data.mass));
         for touch in &step.touches {
@@ -95,11 +96,14 @@ impl Workspace {
 
     /// Adds `by` times the gradient of one w: `dw = 2 z . dy - z . dM z` with `z = M^-1 y` (`response`).
     fn push_back(&self, place: Place, pushed: &Pushed, response: &[f64], by: f64, row: &mut Row, memory: &mut Memory) {
-        let (robot, colliders) = (&place.system.robot, place.scene.colliders.len());
+        let robot = &place.system.robot;
+        let colliders = place.scene.colliders.len();
         let adjoint = &mut memory.adjoint;
         adjoint.begin_energy(robot, &self.data, response, -by, &mut row.loads);
         if let Pushed::Contact(contact, along) = pushed {
-            let (i, n, radius) = (contact.link, along * (2.0 * by), robot.contact_points[contact.point].radius);
+            let i = contact.link;
+            let n = along * (2.0 * by);
+            let radius = robot.contact_points[contact.point].radius;
             let by_place = n.cross(&adjoint.virtuals[i].ang);
             adjoint.by_virtual[i] += Wrench::force_at(n, &contact.x);
             row.loads[i] += Wrench::force_at(by_place, &(contact.x + contact.normal * radius));

@@ -1,19 +1,23 @@
 //! Gradients of a frame, as vector-Jacobian products (`docs/gradients.md`). The frame is stepped and recorded, then its
 //! substeps are differentiated from the last to the first.
 
+mod contact;
+mod contact_force;
+mod contact_law;
 mod explicit;
 mod inv_mass;
 mod law;
+mod laws;
 mod numbers;
 mod row;
 mod stage;
 mod turn;
 
+use laws::Place;
 use nerd_core::dynamics::{crba, motions, motions_back};
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
-use stage::Place;
 
 use super::{config::Settings, kept::Step, memory::Memory, spin::kinematics_about_com, workspace::Workspace};
 use crate::drive::servos_back;
@@ -52,7 +56,8 @@ impl Back for Workspace {
         grad_next: &[f64],
         numbers: bool,
     ) -> Result<Gradients, String> {
-        let (robot, mut next) = (&system.robot, state.to_vec());
+        let robot = &system.robot;
+        let mut next = state.to_vec();
         let mut memory = self.back.take().unwrap_or_else(|| Box::new(Memory::new(robot)));
         self.kept = Some(std::mem::take(&mut memory.kept));
         let stepped = self.step(system, scene, settings, &mut next, tau);
@@ -94,7 +99,8 @@ impl Workspace {
         let robot = &place.system.robot;
         self.data.external.fill(Wrench::default());
         for (number, step) in steps.iter().enumerate().rev() {
-            let (before, h) = (&steps[..number], step.h);
+            let before = &steps[..number];
+            let h = step.h;
             let Some(last) = step.stages.last() else { continue };
             let end: Vec<f64> = step.qd.iter().zip(&last.rate).map(|(v, a)| v + h * a).collect();
             kinematics_about_com(robot, &step.q, &mut self.data);

@@ -31,8 +31,8 @@ struct Layout([usize; 6]);
 
 impl Layout {
     fn of(robot: &Robot, colliders: usize) -> Self {
-        let (mut starts, counts) =
-            ([0; 6], [robot.links.len(), robot.joint_count(), robot.contact_points.len(), colliders, 1]);
+        let mut starts = [0; 6];
+        let counts = [robot.links.len(), robot.joint_count(), robot.contact_points.len(), colliders, 1];
         (0..5).for_each(|part| starts[part + 1] = starts[part] + WIDTHS[part] * counts[part]);
         Self(starts)
     }
@@ -100,7 +100,8 @@ impl Numbers {
     /// Adds the gradients with respect to link i's inertia of `scale x . I z`, which is
     /// `m x(c) . z(c) + x_ang . I_c z_ang` at the centre of mass c.
     pub(super) fn inertia(&mut self, robot: &Robot, data: &Data, i: usize, scale: f64, [x, z]: [&Motion; 2]) {
-        let (body, r) = (&robot.links[i].inertia, &data.rotation[i]);
+        let body = &robot.links[i].inertia;
+        let r = &data.rotation[i];
         let c = data.position[i] + r * body.com;
         let (xc, zc) = (x.at(&c), z.at(&c));
         let by_com = r.tr_mul(&(zc.cross(&x.ang) + xc.cross(&z.ang))) * (scale * body.mass);
@@ -113,7 +114,8 @@ impl Numbers {
     /// Chain rule from a link's squared radius of gyration to its mass and inertia.
     pub(super) fn gyration(&mut self, link: &Link, i: usize, by: f64) {
         let Some(inverse) = link.inertia.inertia.try_inverse() else { return };
-        let (square, m) = (gyration(link), link.inertia.mass);
+        let square = gyration(link);
+        let m = link.inertia.mass;
         if square == MIN_GYRATION {
             return;
         }

@@ -43,10 +43,14 @@ pub(super) struct Row {
 impl Row {
     /// Starts from a gradient with respect to the state after the frame, `[2 nv]` in its tangent space.
     pub(super) fn begin(robot: &Robot, state: &[f64], grad_next: &[f64], weights: usize, numbers: Numbers) -> Self {
-        let (nv, joints, links) = (robot.nv(), robot.joint_count(), robot.links.len());
-        let (mut pose, mut speed) = (grad_next[..nv].to_vec(), grad_next[nv..].to_vec());
+        let nv = robot.nv();
+        let joints = robot.joint_count();
+        let links = robot.links.len();
+        let mut pose = grad_next[..nv].to_vec();
+        let mut speed = grad_next[nv..].to_vec();
         if robot.floating() {
-            let (r, [a, b]) = (quaternion(&state[3..7]), own_velocity(state, robot.nq()));
+            let r = quaternion(&state[3..7]);
+            let [a, b] = own_velocity(state, robot.nq());
             let [turn, way, by_a, by_b] = [&pose, &pose[3..], &speed, &speed[3..]].map(vector);
             // A rotation t and a change dw in world axes change the own-axes velocity R^-1 w by R^-1 (dw - t x w).
             set(&mut pose, [r * (turn - a.cross(&by_a) - b.cross(&by_b)), r * way]);
@@ -76,7 +80,8 @@ impl Row {
     pub(super) fn end(&self, robot: &Robot, state: &[f64]) -> Vec<f64> {
         let mut out = [&self.pose[..], &self.speed].concat();
         if robot.floating() {
-            let (r, [a, b]) = (quaternion(&state[3..7]).inverse(), own_velocity(state, robot.nq()));
+            let r = quaternion(&state[3..7]).inverse();
+            let [a, b] = own_velocity(state, robot.nq());
             let [turn, way, by_w, by_v] =
                 [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(|x| r * vector(x));
             set(&mut out, [turn + a.cross(&by_w) + b.cross(&by_v), way]);
@@ -89,7 +94,9 @@ impl Row {
     /// to the centre of mass; 1: back.
     pub(super) fn centre(&mut self, robot: &Robot, state: &[f64], sign: f64) {
         if robot.floating() {
-            let (r, arm, w) = (quaternion(&state[3..7]), arm(robot, state) * sign, vector(&state[robot.nq()..]));
+            let r = quaternion(&state[3..7]);
+            let arm = arm(robot, state) * sign;
+            let w = vector(&state[robot.nq()..]);
             let [turn, way, by_w, by_v] = [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(vector);
             let by_arm = way + by_v.cross(&w);
             set(&mut self.pose, [turn + arm.cross(&by_arm), way]);
@@ -102,7 +109,8 @@ impl Row {
     /// `Y . I v - L . I a`.
     pub(super) fn inertias(&mut self, robot: &Robot, data: &Data, adjoint: &Adjoint) {
         for i in 0..if self.numbers.asked() { robot.links.len() } else { 0 } {
-            let (v, l) = (&data.velocity[i], &adjoint.virtuals[i]);
+            let v = &data.velocity[i];
+            let l = &adjoint.virtuals[i];
             self.numbers.inertia(robot, data, i, 1.0, [&v.cross(l), v]);
             self.numbers.inertia(robot, data, i, -1.0, [l, &(data.acceleration[i] + adjoint.quickened[i])]);
         }

@@ -4,7 +4,8 @@ use super::super::force::Drag;
 use super::super::stick::STICK_DRAG;
 use super::super::touch::{Contact, inside};
 use super::super::turning::TURN_STICK_DRAG;
-use super::law::{At, ContactLaw, part_gradients};
+use super::contact_law::ContactLaw;
+use super::law::{At, part_gradients};
 use crate::prelude::*;
 
 /// Torque (N m) of torsional and rolling friction on the link, and its derivatives.
@@ -42,13 +43,15 @@ pub(super) struct Press {
 impl Press {
     /// Normal force (N) at the substep's start, at least 0, and its derivatives.
     fn then(contact: &Contact, h: f64) -> (f64, Self) {
-        let (m, vn) = (&contact.material, contact.normal.dot(&contact.velocity));
+        let m = &contact.material;
+        let vn = contact.normal.dot(&contact.velocity);
         let [damping, _] = contact.dampers[usize::from(vn >= 0.0)];
         let force = -(m.stiffness * contact.gap + damping * vn);
         if force <= 0.0 {
             return (0.0, Self::default());
         }
-        let (whole, half) = (&contact.whole, 0.5 * h * vn);
+        let whole = &contact.whole;
+        let half = 0.5 * h * vn;
         let (part, _) = inside(contact.middle, half).unwrap_or_default();
         let release = if vn < 0.0 { None } else { Some(whole.release) };
         let (mut by_gap, mut by_vn) = (-m.stiffness, -damping);
@@ -73,7 +76,8 @@ impl TurnLaw {
     /// Torque and derivatives at a `change` `h J qdd` (rad/s) of the link's angular velocity. `law`: law of the
     /// contact's force.
     pub(super) fn of(contact: &Contact, at: &At, law: &ContactLaw, change: &Vector3<f64>) -> Self {
-        let (n, turning) = (&contact.normal, &contact.turning);
+        let n = &contact.normal;
+        let turning = &contact.turning;
         let seen = turning.spin + change - turning.turn_offset;
         let (press, then) = if at.first {
             let (force, gradients) = Press::then(contact, at.h);
@@ -99,8 +103,9 @@ impl TurnLaw {
             + across * by_faster.transpose() * about_then;
         let by = |about_by: f64, across_by: f64| n * (-about * about_by) - across * across_by;
         // The turn offset is the held torque over the sticking drag.
-        let (c, lin, by_slip) =
-            (turning.stick(&contact.material), contact.material.friction_damping, by_seen + by_drags);
+        let c = turning.stick(&contact.material);
+        let lin = contact.material.friction_damping;
+        let by_slip = by_seen + by_drags;
         let [by_held, by_begun] = if at.first { [by_seen, by_drags] } else { [by_slip, Matrix3::zeros()] };
         let sticks = at.friction == Friction::Coulomb;
         let by_torque = if sticks { -1.0 / c } else { 0.0 };

@@ -17,7 +17,8 @@ impl CableSpec {
         let mut robot = Robot::new(name, if self.support == Support::Free { Base::Floating } else { Base::Fixed(at) });
         let mut parent = (self.support == Support::Gripper).then(|| self.carriage(&mut robot));
         let step = self.length / self.links as f64;
-        let (mass, radius) = (self.mass / self.links as f64, 0.5 * self.diameter);
+        let mass = self.mass / self.links as f64;
+        let radius = 0.5 * self.diameter;
         let across = mass * (3.0 * radius * radius + step * step) / 12.0;
         let rod = BodyInertia {
             mass,
@@ -70,7 +71,8 @@ impl CableSpec {
     /// the axes have inertia only as armature.
     fn carriage(&self, robot: &mut Robot) -> usize {
         let [x, y, z] = [Vector3::x_axis(), Vector3::y_axis(), Vector3::z_axis()];
-        let (slide, turn) = (JointKind::Prismatic, JointKind::Continuous);
+        let slide = JointKind::Prismatic;
+        let turn = JointKind::Continuous;
         let axes = [
             ("x", slide, x),
             ("y", slide, y),
@@ -83,7 +85,8 @@ impl CableSpec {
             let mut joint = Joint::new(name, kind, Isometry3::identity(), axis);
             (joint.armature, joint.stiffness) = self.drive(kind == slide);
             joint.damping = 2.0 * (joint.armature * joint.stiffness).sqrt();
-            let (mass, radius) = (self.mass / self.links as f64, 3.0 * self.diameter);
+            let mass = self.mass / self.links as f64;
+            let radius = 3.0 * self.diameter;
             let ball = BodyInertia {
                 mass,
                 com: Vector3::zeros(),

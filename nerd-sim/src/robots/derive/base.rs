@@ -19,7 +19,8 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
     }
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
-    let (mut kept, mut solid) = (Vec::new(), Vec::new());
+    let mut kept = Vec::new();
+    let mut solid = Vec::new();
     for shape in shapes {
         let collider = Collider::shaped(&shape, &at, Material::default());
         let deep = |p: &&ContactPoint| {

@@ -32,7 +32,8 @@ impl Ground {
         let key = |key: &str| own.get(key).or_else(|| file.keys.get(key));
         let gravity =
             key("gravity").and_then(|x| x.clone().try_into::<[f64; 3]>().ok()).unwrap_or([0.0, 0.0, -GRAVITY]).into();
-        let (up, name) = (up(&gravity), key("data_scene").and_then(Value::as_str).unwrap_or_default());
+        let up = up(&gravity);
+        let name = key("data_scene").and_then(Value::as_str).unwrap_or_default();
         let scenes = own.get("scene").and_then(Value::as_array).into_iter().flatten();
         let named = scenes.filter(|scene| scene.get("name").and_then(Value::as_str) == Some(name));
         let own = named
@@ -56,8 +57,10 @@ impl Ground {
     /// Distance (m) along the up axis that lifts a robot out of the solids. It is 0 if no contact point is deeper than
     /// [`MAX_PENETRATION`], or if no tested distance clears the robot.
     pub fn lift(&self, robot: &Robot, state: &[f64], [extent, clearance]: [f64; 2]) -> f64 {
-        let (mut data, mut state) = (Data::new(robot), state.to_vec());
-        let (step, most) = (LIFT_STEP.0 * extent, LIFT_STEP.1);
+        let mut data = Data::new(robot);
+        let mut state = state.to_vec();
+        let step = LIFT_STEP.0 * extent;
+        let most = LIFT_STEP.1;
         let mut nearest = || {
             kinematics(robot, &state, &mut data);
             let gap = |point: &ContactPoint| self.solids.meets(point, &data, &self.surfaces).distance;

@@ -201,7 +201,9 @@ fn joint_specs(
     driven: bool,
     notes: &mut Vec<String>,
 ) -> Vec<JointSpec> {
-    let (low, extent, weight) = (*low, *extent, *weight);
+    let low = *low;
+    let extent = *extent;
+    let weight = *weight;
     let absurd = |joint: &&Joint| {
         joint.kind != JointKind::Prismatic
             && joint.effort.is_finite()
@@ -335,7 +337,8 @@ fn joint_spec(
     };
     let fast = MAX_START_VELOCITY.min(0.5 * joint.velocity);
     // A standing robot starts near its default pose; an arm anywhere.
-    let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
+    let wide = if effort.is_some() { 0.3 } else { 2.0 * PI };
+    let near = 0.1;
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
     let about = |turn: f64| {
         let Range { low: a, high: b } = between(default_q - reach(turn), default_q + reach(turn));

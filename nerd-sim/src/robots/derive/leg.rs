@@ -51,7 +51,8 @@ impl Leg {
         let low = |at: &Vector3<f64>| at.norm() >= SHANK * end.norm() && height(at) <= height(&end) + SOLE * end.norm();
         let soles = places.into_iter().filter(|(link, at)| *link == last && low(at)).map(|(_, at)| at);
         let [least, most] = soles.fold([end; 2], |[a, b], at| [a.inf(&at), b.sup(&at)]);
-        let (middle, up) = (0.5 * (least + most), data.rotation[last].transpose() * up);
+        let middle = 0.5 * (least + most);
+        let up = data.rotation[last].transpose() * up;
         let wheel =
             robot.links[last].joint.as_ref().filter(|joint| endless(joint)).map(|joint| joint.axis().into_inner());
         // A wheel may have any orientation.
@@ -86,8 +87,8 @@ impl Leg {
             }
         }
         let rows = |way: &Vector3<f64>, level: &Vector3<f64>| {
-            let (way, level) =
-                (way / self.reach, if self.level.is_some() { level * ORIENTATION_WEIGHT } else { Vector3::zeros() });
+            let way = way / self.reach;
+            let level = if self.level.is_some() { level * ORIENTATION_WEIGHT } else { Vector3::zeros() };
             Vector6::new(way.x, way.y, way.z, level.x, level.y, level.z)
         };
         let mut seen = |state: &[f64]| {
@@ -96,7 +97,8 @@ impl Leg {
         };
         for _ in 0..ITERATIONS {
             let (_, now) = seen(state);
-            let (mut square, mut slopes) = (Matrix6::identity() * 1e-7, Vec::new());
+            let mut square = Matrix6::identity() * 1e-7;
+            let mut slopes = Vec::new();
             for link in &self.links {
                 let mut moved = state.to_vec();
                 moved[at(*link)] += 1e-6;

@@ -24,7 +24,8 @@ pub(super) struct Limbs {
 
 impl Limbs {
     pub(super) fn new(robot: &Robot, state: &[f64], up: &Vector3<f64>) -> Self {
-        let (mut data, n) = (Data::new(robot), robot.links.len());
+        let mut data = Data::new(robot);
+        let n = robot.links.len();
         kinematics(robot, state, &mut data);
         let mut own = vec![f64::INFINITY; n];
         for p in &robot.contact_points {
@@ -34,7 +35,8 @@ impl Limbs {
         for link in usize::from(own[0].is_finite())..n {
             own[link] = own[link].min(origin[link]);
         }
-        let (mut lowest, mut end) = (own.clone(), (1..=n).collect::<Vec<_>>());
+        let mut lowest = own.clone();
+        let mut end = (1..=n).collect::<Vec<_>>();
         let mut below = vec![Vec::new(); n];
         for link in (1..n).rev() {
             if let Some(parent) = robot.links[link].parent {

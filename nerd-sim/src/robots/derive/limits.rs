@@ -39,11 +39,14 @@ pub(crate) fn stiffen(robot: &mut Robot, missing: &[bool], dt: f64) {
 /// For each joint, the least inertia (kg m^2 or kg) felt over several poses at rest, with all other joints free; 0
 /// without inertia.
 fn least_inertias(robot: &Robot) -> Vec<f64> {
-    let (joints, dofs) = (robot.joint_count(), robot.root_dofs());
+    let joints = robot.joint_count();
+    let dofs = robot.root_dofs();
     // The work grows with the square of the number of joints: robots with very many joints get one pose.
     let poses = (1_000_000 / (joints * joints)).clamp(1, 16);
-    let (mut data, mut inverse) = (Data::new(robot), Inverse::new(robot));
-    let (mut x, mut least) = (vec![0.0; robot.nv()], vec![f64::INFINITY; joints]);
+    let mut data = Data::new(robot);
+    let mut inverse = Inverse::new(robot);
+    let mut x = vec![0.0; robot.nv()];
+    let mut least = vec![f64::INFINITY; joints];
     for pose in 0..poses {
         kinematics(robot, &self::pose(robot, pose), &mut data);
         let resists = inverse.refill(robot, &mut data);

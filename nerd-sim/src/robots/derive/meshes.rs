@@ -66,7 +66,8 @@ fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
     }
     let mut reader = PlyReader::from_reader(bytes).map_err(|e| format!("is no PLY that can be read: {e}"))?;
     while let Some(element) = reader.current_element() {
-        let (name, count) = (element.name.clone(), element.count);
+        let name = element.name.clone();
+        let count = element.count;
         if count > MAX_VERTICES {
             return Err(format!("more than {MAX_VERTICES} of `{name}`"));
         }

@@ -64,7 +64,9 @@ pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
 pub(super) fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     let mut bare = vec![None; robot.joint_count()];
     let Some(mut tree) = TreeFactor::new(robot) else { return bare };
-    let (mut heavier, mut data, dofs) = (robot.clone(), Data::new(robot), robot.root_dofs());
+    let mut heavier = robot.clone();
+    let mut data = Data::new(robot);
+    let dofs = robot.root_dofs();
     for k in 0..8 {
         kinematics(robot, &pose(robot, k), &mut data);
         inertias(robot, &mut data);
@@ -94,7 +96,9 @@ pub(super) fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
 /// Amplitudes of random torques (N m or N) by joint, at most the joint's effort. The amplitude is the largest gravity
 /// torque over a few poses (fixed base only) plus the torque that accelerates the joint by [`RANDOM_ACCELERATION`].
 pub(super) fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
-    let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
+    let mut data = Data::new(robot);
+    let rest = vec![0.0; robot.nv()];
+    let dofs = robot.root_dofs();
     let mut most = vec![0.0f64; robot.joint_count()];
     for k in 0..8 {
         kinematics(robot, &pose(robot, k), &mut data);

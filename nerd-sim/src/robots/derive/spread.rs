@@ -117,7 +117,8 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
         } else {
             OTHER
         };
-        let (mut sharp, mut round) = (Vec::new(), Vec::<Vec<ContactPoint>>::new());
+        let mut sharp = Vec::new();
+        let mut round = Vec::<Vec<ContactPoint>>::new();
         for &p in &own {
             match (&p.locus, round.last_mut()) {
                 (Locus::Rim { axis, radius, turn }, _) if !round_ones => {

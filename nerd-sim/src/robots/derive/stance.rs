@@ -26,7 +26,8 @@ pub(super) fn bend(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool 
 
 fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let limbs = Limbs::new(robot, state, up);
-    let (mut data, mut straight) = (Data::new(robot), state.to_vec());
+    let mut data = Data::new(robot);
+    let mut straight = state.to_vec();
     straight[robot.root_coords()..].fill(0.0);
     kinematics(robot, &straight, &mut data);
     let mut legs: Vec<Leg> =
@@ -40,7 +41,8 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     }
     for leg in &mut legs {
         let drop = |k: usize| {
-            let (mut tried, drawn) = (state.to_vec(), pose(robot, k));
+            let mut tried = state.to_vec();
+            let drawn = pose(robot, k);
             let at = |link: &usize| robot.root_coords() + link - 1;
             leg.links.iter().for_each(|link| tried[at(link)] = drawn[at(link)]);
             kinematics(robot, &tried, &mut data);
@@ -60,7 +62,8 @@ fn bent(robot: &Robot, state: &mut [f64], up: &Vector3<f64>) -> bool {
     let ways: Vec<[Vector3<f64>; 2]> = legs
         .iter()
         .map(|leg| {
-            let (way, along) = (leg.way(&data), knee(leg).unwrap_or(usual));
+            let way = leg.way(&data);
+            let along = knee(leg).unwrap_or(usual);
             [way, along * along.dot(&way)]
         })
         .collect();

@@ -23,7 +23,8 @@ fn pixels(bytes: Vec<u8>) -> Result<([usize; 2], Vec<f32>), String> {
     }
     let mut pixels = vec![0; reader.output_buffer_size().ok_or("is too large")?];
     let frame = reader.next_frame(&mut pixels).map_err(|e| e.to_string())?;
-    let (line, wide) = (frame.line_size, frame.color_type.samples());
+    let line = frame.line_size;
+    let wide = frame.color_type.samples();
     let pixels = &pixels;
     let row = |row: usize| (0..ncol).map(move |column| f32::from(pixels[row * line + column * wide]));
     Ok(([nrow, ncol], (0..nrow).rev().flat_map(row).collect()))

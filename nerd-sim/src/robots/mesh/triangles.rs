@@ -31,7 +31,8 @@ pub(crate) fn stl(mut bytes: Vec<u8>) -> Result<Triangles, String> {
         bytes[..80].fill(0);
     }
     let scene = mesh_loader::stl::from_slice(&bytes).map_err(|e| e.to_string())?;
-    let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+    let mut vertices = Vec::new();
+    let mut faces = Vec::new();
     for mesh in &scene.meshes {
         let first = vertices.len() as u32;
         vertices.extend(mesh.vertices.iter().map(|v| Vector3::from(v.map(f64::from))));
@@ -43,7 +44,8 @@ pub(crate) fn stl(mut bytes: Vec<u8>) -> Result<Triangles, String> {
 /// Positions are rounded to 32 bits, as in MuJoCo. A quadrilateral is cut along its shorter diagonal, a larger polygon
 /// becomes a fan.
 fn obj(text: &str) -> Result<Triangles, String> {
-    let (mut vertices, mut faces) = (Vec::<Vector3<f64>>::new(), Vec::new());
+    let mut vertices = Vec::<Vector3<f64>>::new();
+    let mut faces = Vec::new();
     for (n, line) in text.lines().enumerate() {
         let wrong = || format!("line {}: cannot be read", n + 1);
         let mut words = line.split_whitespace();

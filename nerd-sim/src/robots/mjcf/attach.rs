@@ -60,7 +60,8 @@ impl Reader {
         self.sections(root, scope)?;
         // Keyframes of the attached model hold only that model's coordinates, so they are dropped.
         self.model.keys.truncate(keys);
-        let (bodies, model) = (&self.model.bodies, &mut self.model.actuators);
+        let bodies = &self.model.bodies;
+        let model = &mut self.model.actuators;
         let there =
             |name: &String| bodies.iter().flat_map(|body| &body.joints).any(|joint| joint.name.as_ref() == Some(name));
         model.retain(|(actuator, _)| {

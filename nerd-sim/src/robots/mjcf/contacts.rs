@@ -195,7 +195,8 @@ fn law_of([slide, torsion, roll]: [f64; 3], condim: i64, margin: f64, softness: 
 
 /// Contact laws of all geoms that may collide, by surface number.
 pub(super) fn surfaces(tree: &Tree, contacts: &Contacts, shapes: &Shapes) -> Surfaces {
-    let (model, places) = (tree.model, &shapes.touching);
+    let model = tree.model;
+    let places = &shapes.touching;
     let geoms = places.iter().map(|(id, places)| {
         let name = |place: &usize| (*place, contacts.geom([*id, *place]).name.clone().unwrap_or_default());
         SurfaceGeom { body: tree.links[*id].clone(), geoms: places.iter().map(name).collect(), still: model.still(*id) }

@@ -30,7 +30,8 @@ pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<Str
                 "joint `{joint}`: its actuator is stronger one way; the larger of both is taken for both"
             ));
         }
-        let (square, [_, kp, kd]) = ((ratio * actuator.gear).powi(2), actuator.gains());
+        let square = (ratio * actuator.gear).powi(2);
+        let [_, kp, kd] = actuator.gains();
         let effort = ratio.abs() * actuator.effort(compiler);
         let ratio = actuator.damping_ratio();
         let first = !found.contains_key(&joint);

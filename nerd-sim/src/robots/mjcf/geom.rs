@@ -183,7 +183,8 @@ impl Geom {
     /// cylinders, half edges for other types.
     fn placed(&self) -> (Isometry3<f64>, [f64; 3]) {
         let Some(ends) = &self.fromto else { return (self.pose, self.size) };
-        let ((pose, half), radius) = (between(ends), self.size[0]);
+        let (pose, half) = between(ends);
+        let radius = self.size[0];
         let long = matches!(self.kind, Type::Capsule | Type::Cylinder);
         (pose, if long { [radius, half, 0.0] } else { [radius, radius, half] })
     }

@@ -108,7 +108,8 @@ fn mass_of(geom: &Geom, model: &Model) -> Result<Option<Part>, String> {
 /// volume.
 fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
     let size = Vector3::from(geom.size);
-    let (r, h) = (size.x, 2.0 * size.y);
+    let r = size.x;
+    let h = 2.0 * size.y;
     let round = |across: f64, along: f64| Vector3::new(across, across, along);
     if geom.shell {
         return shell(geom.kind, &size);
@@ -133,7 +134,8 @@ fn moments(geom: &Geom) -> Option<(f64, Vector3<f64>)> {
 
 /// Area (m^2) and principal moments per unit mass (m^2) of a primitive's shell.
 fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
-    let (r, h) = (size.x, 2.0 * size.y);
+    let r = size.x;
+    let h = 2.0 * size.y;
     match kind {
         Type::Sphere => Some((4.0 * PI * r * r, Vector3::repeat(2.0 / 3.0 * r * r))),
         Type::Box => {
@@ -144,7 +146,8 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
                 (4.0 * x * z, y, [x * x, 0.0, z * z]),
                 (4.0 * x * y, z, [x * x, y * y, 0.0]),
             ];
-            let (mut area, mut squares) = (0.0, Vector3::zeros());
+            let mut area = 0.0;
+            let mut squares = Vector3::zeros();
             for (axis, (one, off, spread)) in plates.into_iter().enumerate() {
                 area += 2.0 * one;
                 let mut square = Vector3::from(spread) / 3.0;
@@ -155,14 +158,16 @@ fn shell(kind: Type, size: &Vector3<f64>) -> Option<(f64, Vector3<f64>)> {
             Some((area, Vector3::new(squares.y + squares.z, squares.x + squares.z, squares.x + squares.y)))
         }
         Type::Cylinder => {
-            let (side, caps) = (2.0 * PI * r * h, 2.0 * PI * r * r);
+            let side = 2.0 * PI * r * h;
+            let caps = 2.0 * PI * r * r;
             let along = (side * r * r + caps * 0.5 * r * r) / (side + caps);
             let across = (side * (0.5 * r * r + h * h / 12.0) + caps * (0.25 * r * r + 0.25 * h * h)) / (side + caps);
             Some((side + caps, Vector3::new(across, across, along)))
         }
         Type::Capsule => {
             // The caps are two hemispheres, each with its centre of mass half a radius beyond an end of the cylinder.
-            let (side, caps) = (2.0 * PI * r * h, 4.0 * PI * r * r);
+            let side = 2.0 * PI * r * h;
+            let caps = 4.0 * PI * r * r;
             let along = (side * r * r + caps * 2.0 / 3.0 * r * r) / (side + caps);
             let far = 0.5 * h;
             let across = (side * (0.5 * r * r + h * h / 12.0) + caps * (2.0 / 3.0 * r * r + far * far + far * r))

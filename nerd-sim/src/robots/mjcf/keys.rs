@@ -57,7 +57,8 @@ pub(super) fn inertias(tree: &Tree, bodies: &Bodies) -> Result<HashMap<String, f
             own.map_or(0.0, |own| own.armature) + tree.motors.get(&joint.name).map_or(0.0, |motor| motor.armature);
         *q = own.map_or(0.0, |own| own.reference);
     }
-    let (mut data, mut factor) = (Data::new(&robot), Factor::new(&robot));
+    let mut data = Data::new(&robot);
+    let mut factor = Factor::new(&robot);
     kinematics(&robot, &q, &mut data);
     crba(&robot, &mut data);
     if !factor.refill(&data.mass) {
@@ -128,8 +129,10 @@ fn fold(tree: &Tree, joints: &mut [Table], notes: &mut Vec<String>) {
         let Some(f) = tree.follow.get(name) else { continue };
         let Some(leader) = joints.iter_mut().find(|own| own["name"].as_str() == Some(&f.leader)) else { continue };
         let get = |key: &str| leader.get(key).and_then(Value::as_float).unwrap_or(0.0);
-        let (square, [spring, ..]) = (f.multiplier * f.multiplier, joint.stiffness);
-        let (armature, stiffness) = (get("armature") + square * joint.armature, get("stiffness") + square * spring);
+        let square = f.multiplier * f.multiplier;
+        let [spring, ..] = joint.stiffness;
+        let armature = get("armature") + square * joint.armature;
+        let stiffness = get("stiffness") + square * spring;
         let pull = get("stiffness") * get("rest") + f.multiplier * spring * (joint.spring_reference - f.offset);
         let rest = if stiffness > 0.0 { pull / stiffness } else { 0.0 };
         leader.extend(

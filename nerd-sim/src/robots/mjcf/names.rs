@@ -26,7 +26,8 @@ pub(super) struct Names {
 impl Names {
     /// Adds an object; returns whether its name is new among its kind.
     pub fn add(&mut self, kind: &str, name: &str, scope: &Scope) -> bool {
-        let (at, own) = (&scope.at, |name: String| (kind.to_string(), name));
+        let at = &scope.at;
+        let own = |name: String| (kind.to_string(), name);
         if !at.suffix.is_empty() {
             self.copied.insert(own(format!("{}{name}", at.prefix)));
             if !self.suffixes.contains(&at.suffix) {
@@ -65,7 +66,8 @@ impl Names {
     /// Registers the name of an element in a section or body, and the names that the element or its default class
     /// refers to. `attached`: the element is part of an attached model.
     pub fn take(&mut self, e: &Element, section: &str, scope: &Scope, attached: bool) -> Result<(), UrdfError> {
-        let (source, tag) = (&scope.source, e.tag.as_str());
+        let source = &scope.source;
+        let tag = e.tag.as_str();
         let kind = if KINDS.contains(&section) { section } else { tag };
         let kind = if kind == "freejoint" { "joint" } else { kind };
         // An attached model brings all its sections; references in them may be missing.

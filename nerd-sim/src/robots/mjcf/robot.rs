@@ -131,7 +131,8 @@ impl Tree<'_> {
             |reason: &str| self.model.bodies[id].element.refused(format!("joint `{}`: {reason}", name.escape_debug()));
         let axis =
             Unit::try_new(Vector3::from(joint.axis), MIN_LENGTH).ok_or_else(|| wrong("its axis has no direction"))?;
-        let (slides, range) = (joint.kind == Kind::Slide, self.limits(joint, id));
+        let slides = joint.kind == Kind::Slide;
+        let range = self.limits(joint, id);
         // The joint's coordinate equals `ref` in the file's pose, so the zero pose is turned or moved back by `ref`.
         let back = *axis * -joint.reference;
         pose *= if slides { Isometry3::from(back) } else { Isometry3::rotation(back) };

@@ -74,7 +74,8 @@ impl Choice {
 
 /// Each line is an element, with its children indented below; the first line is the root.
 static SCHEMA: LazyLock<Vec<Known>> = LazyLock::new(|| {
-    let (mut all, mut path) = (Vec::<Known>::new(), Vec::<usize>::new());
+    let mut all = Vec::<Known>::new();
+    let mut path = Vec::<usize>::new();
     for line in include_str!("schema.txt").lines() {
         let depth = line.len() - line.trim_start().len();
         let mut words = line.split_whitespace();

@@ -56,7 +56,8 @@ impl Shapes {
         id: usize,
         frame: &Isometry3<f64>,
     ) -> Result<(Vec<Solid>, Vec<Solid>), UrdfError> {
-        let (mut collisions, mut visuals) = (Vec::new(), Vec::new());
+        let mut collisions = Vec::new();
+        let mut visuals = Vec::new();
         for (k, geom) in tree.model.bodies[id].geoms.iter().enumerate() {
             let surface = self.numbers[id][k];
             match solid(geom, tree.model) {

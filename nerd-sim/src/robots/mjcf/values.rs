@@ -99,7 +99,8 @@ impl Value {
                 }
             }
             Self::Numbers { kind, least, most, bound } => {
-                let (mut count, mut first) = (0, f64::NAN);
+                let mut count = 0;
+                let mut first = f64::NAN;
                 for word in text.split_whitespace() {
                     let Some(x) = kind.number(word) else {
                         return refused(format!(": `{}` is no {}", brief(word), kind.words()));

@@ -28,7 +28,8 @@ pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: Mass
         (vertices, faces)
     };
     let triangles = || faces.iter().map(|face| face.map(|k| vertices[k as usize]));
-    let (mut area, mut middle) = (0.0, Vector3::zeros());
+    let mut area = 0.0;
+    let mut middle = Vector3::zeros();
     for [a, b, c] in triangles() {
         let own = 0.5 * (b - a).cross(&(c - a)).norm();
         (area, middle) = (area + own, middle + (a + b + c) * (own / 3.0));
@@ -61,7 +62,9 @@ fn sum(
     from: &Vector3<f64>,
     mass_of: impl Fn([Vector3<f64>; 3]) -> (f64, bool),
 ) -> Option<BodyInertia> {
-    let (mut mass, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+    let mut mass = 0.0;
+    let mut first = Vector3::zeros();
+    let mut second = Matrix3::zeros();
     for corners in triangles {
         let corners = corners.map(|v| v - from);
         let (own, pyramid) = mass_of(corners);

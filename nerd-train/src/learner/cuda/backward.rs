@@ -61,7 +61,8 @@ impl Network {
         };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
-        let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
+        let free = (0..buffers).collect();
+        let read = vec![false; buffers];
         let mut walk =
             Walk { net: self, back, first: rows.start, rows: rows.len(), to, slopes, free, read, waiting: Vec::new() };
         let upstream = self.targets.at(rows.start * self.plan.tokens * self.plan.outputs());
@@ -85,12 +86,13 @@ impl Walk<'_> {
     }
 
     fn part(&mut self, i: usize, w: u64) -> DeviceResult {
-        let (net, plan) = (self.net, &self.net.plan);
+        let net = self.net;
+        let plan = &self.net.plan;
         let n = self.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
-                let (dy, size) =
-                    (self.slope(to)?, Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) });
+                let dy = self.slope(to)?;
+                let size = Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) };
                 if let Some(g) = self.to {
                     self.gradient(Gradient {
                         x: (self.at(from), plan.width(from)),
@@ -135,8 +137,11 @@ impl Walk<'_> {
     }
 
     fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64) -> DeviceResult {
-        let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
-        let (n, width) = (self.rows * plan.tokens, plan.width(from));
+        let net = self.net;
+        let plan = &self.net.plan;
+        let d = &self.net.device;
+        let n = self.rows * plan.tokens;
+        let width = plan.width(from);
         let dy = self.slope(to)?;
         if let Op::Activate(f) = op {
             let quads = (n * width).div_ceil(4);
@@ -191,7 +196,8 @@ impl Walk<'_> {
         d.mark(Lane::Main, &self.back.fork)?;
         d.after(Lane::Side, &self.back.fork)?;
         for Gradient { x: (x, ld), dy, to, size } in self.waiting.drain(..) {
-            let (Size { rows, inner, columns }, ops) = (size, (Operand::Plain, Operand::Transposed));
+            let Size { rows, inner, columns } = size;
+            let ops = (Operand::Plain, Operand::Transposed);
             d.product(Lane::Side, ops, (columns, inner, rows), (dy.at, columns), (x, ld), 0.0, (to, columns))?;
             if let Some(buffer) = dy.buffer {
                 d.mark(Lane::Side, &self.back.buffers.borrow()[buffer].1)?;
@@ -202,7 +208,8 @@ impl Walk<'_> {
 
     /// `dx = dy W^T + beta dx`.
     fn linear_dx(&self, dy: Slope, w: u64, dx: Slope, size: Size, beta: f32) -> DeviceResult {
-        let (Size { rows, inner, columns }, ops) = (size, (Operand::Transposed, Operand::Plain));
+        let Size { rows, inner, columns } = size;
+        let ops = (Operand::Transposed, Operand::Plain);
         self.net.device.product(
             Lane::Main,
             ops,

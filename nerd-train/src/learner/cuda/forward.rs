@@ -32,8 +32,10 @@ impl CudaForward {
     }
 
     fn newest(&mut self, inputs: &[f32], tokens: usize, last: &[u32], out: &mut Vec<f32>) -> LearnResult {
-        let (width, history, windows, most) =
-            (self.network.plan.inputs(), self.network.plan.tokens, last.len(), self.network.rows);
+        let width = self.network.plan.inputs();
+        let history = self.network.plan.tokens;
+        let windows = last.len();
+        let most = self.network.rows;
         let fits = tokens <= history && windows <= most && inputs.len() == windows * tokens * width;
         if !fits || last.iter().any(|&l| l as usize >= tokens) {
             let have = inputs.len();
@@ -47,7 +49,9 @@ impl CudaForward {
             return Ok(());
         }
         self.network.load(inputs, tokens)?;
-        let (net, w, at) = (&self.network, self.weights.ptr, self.last.ptr);
+        let net = &self.network;
+        let w = self.weights.ptr;
+        let at = self.last.ptr;
         let mut rows = last.to_vec();
         rows.resize(most, 0);
         net.device.write(&self.last, &rows)?;

@@ -30,7 +30,9 @@ pub(super) fn goes_back(model: &Model) -> Result<(), StepError> {
 impl FramesBack {
     /// Allocates memory for `frames` frames of batches of the size of `batch`.
     pub fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
-        let (config, system, n) = (model.config.network, &batch.system, batch.len());
+        let config = model.config.network;
+        let system = &batch.system;
+        let n = batch.len();
         let (mut network, weights) =
             Network::with_weights(Plan::of(&config, 1)?, &model.weights.flat, n * frames, Precision::F32, true)?;
         let text = gradient_program(model.config.form(), &model.normalizer, system, Reach::of(batch));
@@ -60,16 +62,21 @@ impl FramesBack {
 
     /// Computes vector-Jacobian products of one frame, for one upstream gradient (row) after the other.
     pub fn back(&self, held: &Held, trail: Trail, back: Back) -> DeviceResult {
-        let (Self { network, weights, state, .. }, n) = (self, held.n);
+        let Self { network, weights, state, .. } = self;
+        let n = held.n;
         let rows = back.frame * n..(back.frame + 1) * n;
-        let (d, first, by_tokens) = (&network.device, rows.start * state, &self.by_tokens);
-        let (states, said) = (trail.states + 8 * first as u64, network.predictions().at(first));
+        let d = &network.device;
+        let first = rows.start * state;
+        let by_tokens = &self.by_tokens;
+        let states = trail.states + 8 * first as u64;
+        let said = network.predictions().at(first);
         let Back { grad_next, by_states, by_torques, rows: all, next, .. } = back;
         for row in 0..all {
             let args = args![states, said, grad_next, next[0], network.targets.at(first), all, row, n];
             d.launch_each("gradients_said", n, THREADS, &args)?;
             network.backward(weights.ptr, None, rows.clone(), Some(by_tokens.ptr))?;
-            let (scenes, scene_of) = (&held.records, &held.scene_of);
+            let scenes = &held.records;
+            let scene_of = &held.scene_of;
             let read = args![states, scenes, scene_of, said, by_tokens, grad_next, by_states, by_torques, all, row, n];
             d.launch_each("gradients_back", n, THREADS, &read)?;
         }

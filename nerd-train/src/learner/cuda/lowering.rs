@@ -6,7 +6,8 @@ use super::*;
 impl Plan {
     /// Lowers `program` for windows of `tokens` tokens. Refuses a program that the kernels do not cover.
     pub fn new(program: Program, tokens: usize) -> LearnResult<Self> {
-        let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
+        let starts = program.starts();
+        let padded = program.width(Slot(0)).next_multiple_of(4);
         let mut plan = Self {
             tokens,
             parts: Vec::new(),
@@ -35,7 +36,8 @@ impl Plan {
 
     /// Refuses step `i` if it shares a slot with other steps and the backward pass cannot handle that.
     fn check_slots(&self, i: usize) -> LearnResult {
-        let (steps, Step { from, to, op }) = (&self.program.steps, self.program.steps[i]);
+        let steps = &self.program.steps;
+        let Step { from, to, op } = self.program.steps[i];
         let linear = matches!(op, Op::Linear { .. });
         if from == Slot(0) && !linear || to == Slot(0) {
             return refuse("tokens go through a product first");
@@ -107,7 +109,9 @@ impl Plan {
     /// Reserves memory for a matrix with its scale folded in, and returns its offset.
     fn fold_scale(&mut self, weight: Weight, scale: Weight) -> usize {
         let shape = &self.program.tensors[weight.0].shape;
-        let (at, rows, columns) = (self.folded, shape[0], shape[1]);
+        let at = self.folded;
+        let rows = shape[0];
+        let columns = shape[1];
         let row = |r: usize| [self.starts[weight.0] + r * columns, self.starts[scale.0] + r, at + r * columns, columns];
         self.folds.extend((0..rows).map(row).map(|entries| entries.map(|x| x as i32)));
         self.folded += rows * columns;
@@ -118,7 +122,8 @@ impl Plan {
     /// if no other step reads the slot.
     fn fuse_shifts(&mut self) {
         for i in 1..self.parts.len() {
-            let (next, steps) = (self.parts[i], &self.program.steps);
+            let next = self.parts[i];
+            let steps = &self.program.steps;
             let Part::Shift { slot, positions, fused, .. } = &mut self.parts[i - 1] else { continue };
             let bias_alone = positions.is_none() && steps.iter().filter(|step| step.from == *slot).count() == 1;
             *fused = match next {

@@ -33,7 +33,8 @@ pub(super) struct Muon {
 
 impl Muon {
     pub fn new(device: &Device, network: &TransformerConfig) -> LearnResult<Self> {
-        let (hidden, mut entries) = (hidden(network).concat(), vec![1u8; network.parameters()]);
+        let hidden = hidden(network).concat();
+        let mut entries = vec![1u8; network.parameters()];
         others(network).into_iter().for_each(|run| entries[run].fill(0));
         let shapes = hidden.iter().map(|h| (h.rows, h.columns)).collect::<BTreeSet<_>>();
         let group = |((rows, columns), lane): ((usize, usize), Lane)| -> LearnResult<Group> {
@@ -75,11 +76,15 @@ impl Muon {
 
 impl Group {
     fn update(&self, d: &Device, [weights, gradients, m, average]: [u64; 4], scalars: u64) -> DeviceResult {
-        let (r, c, n) = (self.rows, self.columns, self.count);
+        let r = self.rows;
+        let c = self.columns;
+        let n = self.count;
         let grid = |len: usize| (len.div_ceil(256), n);
         let [a, b, k] = COEFFICIENTS;
         let mut x = (&self.x[0], &self.x[1]);
-        let (wide, square, table) = (r * c, r * r, &self.table);
+        let wide = r * c;
+        let square = r * r;
+        let table = &self.table;
         let pack = args![gradients, m, x.0, table, scalars, MOMENTUM, r, c];
         d.launch_on(self.lane, "muon_pack", grid(wide), (256, 1), 0, &pack)?;
         d.launch_on(self.lane, "muon_unit", (n, 1), (1024, 1), 0, &args![x.0, wide])?;

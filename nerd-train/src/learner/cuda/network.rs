@@ -60,7 +60,8 @@ impl Network {
         }
         let (text, kernels) = source(&plan);
         let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
-        let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
+        let most = device.shared()?;
+        let of = |products| whole_program(&plan.program, plan.tokens, products);
         // The f16 kernel needs compute capability 8. In training, the weights would have to be packed again after every
         // update.
         let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;
@@ -133,7 +134,9 @@ impl Network {
     /// Uploads `inputs`, windows of `tokens` tokens each, to slot 0. In slot 0 every window has memory for
     /// `plan.tokens` tokens, and rows are padded. The rest of slot 0 keeps its values.
     pub fn load(&mut self, inputs: &[f32], tokens: usize) -> DeviceResult {
-        let (width, padded, all) = (self.plan.inputs(), self.plan.padded, self.plan.tokens);
+        let width = self.plan.inputs();
+        let padded = self.plan.padded;
+        let all = self.plan.tokens;
         self.staging.resize(self.staging.len().max(inputs.len() / width / tokens * all * padded), 0.0);
         for (window, staged) in inputs.chunks_exact(tokens * width).zip(self.staging.chunks_exact_mut(all * padded)) {
             let rows = window.chunks_exact(width).zip(staged.chunks_exact_mut(padded));

@@ -47,8 +47,8 @@ pub(crate) struct Optimiser {
 impl Optimiser {
     /// Resumes `state`. `beta` is Adam's second beta.
     pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> LearnResult<Self> {
-        let (shape, scalars) =
-            (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
+        let shape = state.weights.config;
+        let scalars = Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() };
         let muon = match config.optimizer {
             Optimizer::Adam => None,
             Optimizer::Muon => Some(Muon::new(d, &shape)?),
@@ -79,7 +79,8 @@ impl Optimiser {
         let Self { weights, average, gradients, m, v, norms, scalars, muon, config, beta, .. } = self;
         let p = weights.len;
         d.launch_blocks("square_partial", NORM_BLOCKS, 256, &args![gradients, p, norms])?;
-        let (loss, LearnerConfig { clip, average: decay, .. }) = (gradients.at(p), *config);
+        let loss = gradients.at(p);
+        let LearnerConfig { clip, average: decay, .. } = *config;
         let args = args![norms, NORM_BLOCKS, loss, mean, clip, decay, *beta, scalars];
         d.launch_blocks("finish", 1, 256, &args)?;
         let hidden = muon.as_ref().map_or(0, |muon| muon.entries.ptr);

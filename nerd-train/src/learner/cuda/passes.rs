@@ -69,7 +69,9 @@ impl Network {
         if self.whole.is_some() && self.plan.tokens == 1 {
             return self.predict(w, rows);
         }
-        let (mut at, first, all) = (self.addresses(), self.plan.independent_from(), self.plan.parts.len());
+        let mut at = self.addresses();
+        let first = self.plan.independent_from();
+        let all = self.plan.parts.len();
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
         self.run(w, 0..first, &at, rows * self.plan.tokens, &attend)?;
         for (slot, chosen) in &self.chosen {
@@ -84,7 +86,8 @@ impl Network {
     pub(super) fn run(&self, w: u64, parts: Range<usize>, at: &[u64], n: usize, attend: Attend) -> DeviceResult {
         let plan = &self.plan;
         let optional = |weight: Option<Weight>| weight.map_or(0, |weight| self.tensor(w, weight));
-        let (mut attentions, mut shift) = (0, [0; 2]);
+        let mut attentions = 0;
+        let mut shift = [0; 2];
         for i in parts {
             match plan.parts[i] {
                 Part::Linear { from, to, weight, folded, add } => {
@@ -97,7 +100,8 @@ impl Network {
                     continue;
                 }
                 Part::Shift { slot, bias, positions, .. } => {
-                    let (width, count) = (plan.width(slot), n * plan.width(slot));
+                    let width = plan.width(slot);
+                    let count = n * plan.width(slot);
                     let args = args![at[slot.0], optional(bias), optional(positions), width, count];
                     self.device.launch_each("shift", count, 256, &args)?;
                 }
@@ -115,7 +119,9 @@ impl Network {
     /// Runs step number `i` of the parts, from `n` rows at `x` to rows at `y`. `shift` (bias and positions) is added to
     /// x first.
     fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [u64; 2]) -> DeviceResult {
-        let (d, from, to) = (&self.device, self.plan.width(step.from), self.plan.width(step.to));
+        let d = &self.device;
+        let from = self.plan.width(step.from);
+        let to = self.plan.width(step.to);
         match step.op {
             Op::Norm => {
                 let args = args![x, shift[0], shift[1], y, &self.saved[i], n];
@@ -162,7 +168,8 @@ impl Network {
     /// targets. The sum of squared errors is written after the end of the gradient vector at `g`.
     pub fn loss(&self, rows: usize, huber: Option<f32>, g: u64) -> DeviceResult {
         let numbers = rows * self.plan.tokens * self.plan.outputs();
-        let (scale, bend) = (2.0 / numbers as f32, huber.map_or(0.0, |d| (d * d).recip()));
+        let scale = 2.0 / numbers as f32;
+        let bend = huber.map_or(0.0, |d| (d * d).recip());
         let blocks = numbers.div_ceil(256).min(LOSS_BLOCKS);
         let args = args![self.predictions(), &self.targets, &self.partial_sums, numbers, scale, bend];
         self.device.launch_blocks("loss", blocks, 256, &args)?;

@@ -114,11 +114,13 @@ impl Plan {
     /// Assigns a buffer to each slot. With `keep`, for a backward pass, no buffer is shared; else slots share buffers
     /// while they are not live together.
     pub(super) fn layout(&self, keep: bool) -> Layout {
-        let (mut buffer_of, mut widths, mut free) =
-            (vec![usize::MAX; self.program.widths.len()], vec![self.padded], Vec::new());
+        let mut buffer_of = vec![usize::MAX; self.program.widths.len()];
+        let mut widths = vec![self.padded];
+        let mut free = Vec::new();
         buffer_of[0] = 0;
         for (i, part) in self.parts.iter().enumerate() {
-            let (to, width) = (part.to(), self.width(part.to()));
+            let to = part.to();
+            let width = self.width(part.to());
             if buffer_of[to.0] == usize::MAX {
                 let found = free.iter().position(|buffer| widths[*buffer] == width).map(|k| free.swap_remove(k));
                 buffer_of[to.0] = found.unwrap_or_else(|| {

@@ -59,7 +59,8 @@ impl CudaProgram {
     /// Gradients of the parameters and of the tokens of the last [`Self::forward`], from the gradient `upstream` of the
     /// predictions.
     pub fn backward(&mut self, upstream: &[f32]) -> LearnResult<(Vec<f32>, Vec<f32>)> {
-        let (net, w) = (&self.network, self.weights.ptr);
+        let net = &self.network;
+        let w = self.weights.ptr;
         net.device.write(&net.targets, upstream)?;
         net.backward(w, Some(self.gradients.ptr), 0..net.rows, Some(self.by_tokens.ptr))?;
         Ok((net.device.download(&self.gradients)?, net.device.download(&self.by_tokens)?))

@@ -67,7 +67,8 @@ pub fn resident(
 impl Motion for Frames {
     fn check(&self, batch: &Batch) -> Result<(), StepError> {
         let Some((chain, _)) = &self.chain else { return Ok(()) };
-        let (joints, gravity) = (batch.system.robot.joint_count(), batch.system.gravity());
+        let joints = batch.system.robot.joint_count();
+        let gravity = batch.system.gravity();
         if joints != 6 + 2 * chain.rods {
             return Err(StepError::Refused(format!(
                 "a chain of {} rods was learned, the robot has {joints} joints",
@@ -84,7 +85,8 @@ impl Motion for Frames {
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
         self.made = None;
-        let (weights, envs) = (&self.model.weights, batch.len());
+        let weights = &self.model.weights;
+        let envs = batch.len();
 
         let engine = match &self.chain {
             Some(_) if reach.fields => {
@@ -202,8 +204,11 @@ impl Made {
     /// Launches the kernels of one frame.
     fn frame(&self, held: &Held) -> DeviceResult {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
-        let (network, n, hold) = (self.engine.network(), *n, &self.hold);
-        let (tokens, predictions) = (network.at(Slot(0)), network.predictions());
+        let network = self.engine.network();
+        let n = *n;
+        let hold = &self.hold;
+        let tokens = network.at(Slot(0));
+        let predictions = network.predictions();
         let each = |kernel, threads, args: &[Arg]| network.device.launch_each(kernel, threads, BLOCK, args);
         match &self.engine {
             Engine::Stream(stream) => {

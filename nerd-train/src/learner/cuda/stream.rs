@@ -24,7 +24,8 @@ impl CudaStream {
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> LearnResult<Self> {
         let (network, weights) =
             Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;
-        let (d, plan) = (&network.device, &network.plan);
+        let d = &network.device;
+        let plan = &network.plan;
         let attentions = plan.program.steps.iter().filter(|step| matches!(step.op, Op::Attend { .. })).count();
         Ok(Self {
             replay: Replay::default(),
@@ -61,7 +62,9 @@ impl CudaStream {
     }
 
     fn frame(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> LearnResult {
-        let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
+        let inputs = self.network.plan.inputs();
+        let outputs = self.network.plan.outputs();
+        let rows = self.network.rows;
         let envs = tokens.len() / inputs;
         if envs * inputs != tokens.len() || envs > rows {
             mismatch!("{} values for at most {rows} rows of {inputs}", tokens.len());

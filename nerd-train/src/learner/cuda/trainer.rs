@@ -48,7 +48,8 @@ impl CudaLearner {
             let shape = Windows { x: Vec::new(), y: Vec::new(), ..*w };
             Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, shape, count: w.len(), per: w.per_trajectory() })
         };
-        let (total, validation) = (d.zeros(1)?, data(validation)?);
+        let total = d.zeros(1)?;
+        let validation = data(validation)?;
         let optimiser = Optimiser::new(d, config, &state, BETA)?;
         Ok(Self { replay: Replay::default(), train: data(train)?, config, optimiser, network, validation, total })
     }
@@ -69,7 +70,8 @@ impl CudaLearner {
     }
 
     fn differentiate(&self) -> LearnResult {
-        let (net, own) = (&self.network, &self.optimiser);
+        let net = &self.network;
+        let own = &self.optimiser;
         let (w, g) = (own.weights.ptr, own.gradients.ptr);
         let LearnerConfig { batch: rows, huber, .. } = self.config;
         self.gather(&self.train, rows, None)?;
@@ -82,9 +84,11 @@ impl CudaLearner {
     /// Copies `rows` windows to the network's inputs and targets. `numbers` is the address of their indices; without
     /// it, the windows are drawn for the next update.
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> LearnResult {
-        let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
+        let net = &self.network;
+        let drawn = (self.optimiser.scalars(), self.config.seed, 0);
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));
-        let (Data { x, y, count, per, shape }, to) = (data, net.at(Slot(0)));
+        let Data { x, y, count, per, shape } = data;
+        let to = net.at(Slot(0));
         let args = args![x, y, to, &net.targets, scalars, seed, *count, *per, shape.frames, numbers];
         Ok(net.device.launch_blocks("gather", rows, 128, &args)?)
     }
@@ -100,7 +104,8 @@ impl Learner for CudaLearner {
     }
 
     fn replace(&mut self, first: usize, fresh: &Windows) -> LearnResult {
-        let (data, d) = (&self.train, &self.network.device);
+        let data = &self.train;
+        let d = &self.network.device;
         data.shape.fits(first, fresh, data.count / data.per)?;
         let token = first * data.shape.frames;
         d.write_at(&data.x, token * fresh.inputs, &fresh.x)?;
@@ -112,10 +117,14 @@ impl Learner for CudaLearner {
     }
 
     fn validate(&mut self, windows: usize) -> LearnResult<f32> {
-        let (net, Optimiser { average, gradients, .. }) = (&self.network, &self.optimiser);
-        let (w, outputs, tokens) = (average.ptr, net.plan.outputs(), net.plan.tokens);
+        let net = &self.network;
+        let Optimiser { average, gradients, .. } = &self.optimiser;
+        let w = average.ptr;
+        let outputs = net.plan.outputs();
+        let tokens = net.plan.tokens;
         let chosen = validation_rows(self.validation.count, windows);
-        let (count, numbers) = (chosen.len(), net.device.upload(&chosen)?);
+        let count = chosen.len();
+        let numbers = net.device.upload(&chosen)?;
         net.device.write(&self.total, &[0.0])?;
         net.fold(w)?;
         for first in (0..count).step_by(net.rows) {

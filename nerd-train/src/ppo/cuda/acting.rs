@@ -25,7 +25,8 @@ impl CudaEngine {
     /// Normalises `count` observations at `rows` to `inputs`, then evaluates the network on them. `weights`, `rows` and
     /// `inputs` are addresses.
     pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> DeviceResult {
-        let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
+        let width = self.shape.inputs();
+        let [mean, inverse] = &self.kept.seen;
         let args = args![rows, mean, inverse, inputs, count * width, width, self.net.plan.padded];
         self.over("normalize", count * width, &args)?;
         self.net.forward_from(inputs, weights, count)
@@ -34,7 +35,8 @@ impl CudaEngine {
     /// Writes the values of the last evaluation to the address `to`, at the indices stored at `which`. If `which` is 0,
     /// writes them in order.
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> DeviceResult {
-        let (said, units) = (self.net.predictions(), &self.kept.units);
+        let said = self.net.predictions();
+        let units = &self.kept.units;
         self.over("value", count, &args![said, which, units, to, count, self.shape.action, self.shape.outputs()])
     }
 
@@ -50,7 +52,9 @@ impl CudaEngine {
     /// Samples the actions of step t from the observations on the device. The number of their noise stream is `later`
     /// plus the number in `kept.noise`.
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> DeviceResult {
-        let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
+        let n = self.kept.environments;
+        let width = self.shape.inputs();
+        let a = self.shape.action;
         let first = t * n;
         self.ask(
             self.weights.ptr,
@@ -60,9 +64,13 @@ impl CudaEngine {
         )?;
         let Steps { neg_log_prob, actions, means, spreads, .. } = &self.steps;
         let [means, spreads, actions] = [means, spreads, actions].map(|of| of.at(first * a));
-        let (neg_log_prob, kept, [k0, k1, k2, k3]) = (neg_log_prob.at(first), &self.kept, key(&noise.rng()));
+        let neg_log_prob = neg_log_prob.at(first);
+        let kept = &self.kept;
+        let [k0, k1, k2, k3] = key(&noise.rng());
         let read = args![self.net.predictions(), self.parameter(), k0, k1, k2, k3, &kept.noise, later, &kept.units];
-        let (values, acted, outputs) = (kept.values.at(first), &kept.actions, self.shape.outputs());
+        let values = kept.values.at(first);
+        let acted = &kept.actions;
+        let outputs = self.shape.outputs();
         let written = args![means, spreads, actions, neg_log_prob, values, acted, n, a, outputs];
         self.over("act", n, &[&read[..], &written].concat())
     }
@@ -72,7 +80,9 @@ impl CudaEngine {
     pub(super) fn reached(&self, weights: u64) -> DeviceResult {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &args![ends, which, *n, *horizon, *slots])?;
-        let (width, padded, most) = (self.shape.inputs(), self.net.plan.padded, self.net.rows / n * n);
+        let width = self.shape.inputs();
+        let padded = self.net.plan.padded;
+        let most = self.net.rows / n * n;
         (0..(1 + slots) * n).step_by(most).try_for_each(|first| {
             let count = most.min((1 + slots) * n - first);
             self.ask(weights, rows.at(first * width), inputs.at(first * padded), count)?;
@@ -88,7 +98,8 @@ impl CudaEngine {
     }
 
     fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments> {
-        let (n, partial) = (self.kept.horizon * self.kept.environments, &self.kept.partial);
+        let n = self.kept.horizon * self.kept.environments;
+        let partial = &self.kept.partial;
         let mut moments = [vec![0.0; width], vec![0.0; width]];
         let mut about = 0;
         for (out, moments) in self.kept.means.iter().zip(&mut moments) {
@@ -113,8 +124,8 @@ impl CudaEngine {
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);
         let deviation = if advantages { variance[0].sqrt() + 1e-8 } else { f64::INFINITY };
-        let (Steps { advantages, value_targets, values: old, .. }, Kept { both, values, .. }) =
-            (&self.steps, &self.kept);
+        let Steps { advantages, value_targets, values: old, .. } = &self.steps;
+        let Kept { both, values, .. } = &self.kept;
         let laws = args![both, values, n, mean[0], deviation, goal, goal_scale, said[0], said[1]];
         Ok(self.over("loss_inputs", n, &[&laws[..], &args![advantages, value_targets, old]].concat())?)
     }
@@ -126,8 +137,10 @@ impl CudaEngine {
 
     /// Downloads the last rollout, for inspection before an update.
     pub fn rollout(&self) -> DeviceResult<Rollout> {
-        let (Kept { horizon, environments, observations, values, both, .. }, d) = (&self.kept, &self.net.device);
-        let (Steps { neg_log_prob, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
+        let Kept { horizon, environments, observations, values, both, .. } = &self.kept;
+        let d = &self.net.device;
+        let Steps { neg_log_prob, actions, means, spreads, .. } = &self.steps;
+        let mut values = d.download(values)?;
         values.truncate(horizon * environments);
         Ok(Rollout {
             observations: d.download(observations)?,

@@ -45,7 +45,8 @@ impl StepwiseRollout for CudaEngine {
 
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
         let Kept { environments: n, horizon, step, .. } = self.kept;
-        let (width, a) = (self.shape.inputs(), self.shape.action);
+        let width = self.shape.inputs();
+        let a = self.shape.action;
         self.fits("rows", rows.len() == n * width && step < horizon)?;
         self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
         self.net.device.write(&self.kept.noise, &[noise.number])?;

@@ -48,14 +48,19 @@ impl CudaEpisodes {
     /// or not enough memory.
     pub fn new(mut episodes: Episodes) -> Result<Self> {
         let device = Device::open(EPISODES, &["offer", "show"])?;
-        let (n, about) = (episodes.len(), episodes.task.about());
-        let (seen, wide) = (n * about.observation, |len: usize| device.zeros::<f64>(len));
+        let n = episodes.len();
+        let about = episodes.task.about();
+        let seen = n * about.observation;
+        let wide = |len: usize| device.zeros::<f64>(len);
         let single = |len: usize| device.zeros::<f32>(len);
         let (terminated, truncated, ends) = (device.zeros(n)?, device.zeros(n)?, device.zeros(n)?);
         let (observations, reached, rewards) = (single(seen)?, single(seen)?, single(n)?);
         let shown = Arc::new(Shown { observations, reached, rewards, terminated, truncated });
-        let (actions, cuts, rows, cut, rewards) =
-            (single(n * about.action)?, device.zeros(n)?, wide(seen)?, wide(seen)?, wide(n)?);
+        let actions = single(n * about.action)?;
+        let cuts = device.zeros(n)?;
+        let rows = wide(seen)?;
+        let cut = wide(seen)?;
+        let rewards = wide(n)?;
         let world = taken(&mut episodes, &device)?;
         let exchange = Exchange { device, actions, rows, cut, cuts, rewards, ends, shown };
         exchange.begin(episodes.observations())?;

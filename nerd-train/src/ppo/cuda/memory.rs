@@ -40,8 +40,12 @@ pub(super) struct Kept {
 
 impl Kept {
     pub fn new(net: &Network, shape: &Shape, config: &PpoConfig, environments: usize) -> DeviceResult<Self> {
-        let (device, n, steps, width) = (&net.device, environments, environments * config.horizon, shape.inputs());
-        let (numbers, columns) = (|len: usize| device.zeros::<f64>(len), width.max(2));
+        let device = &net.device;
+        let n = environments;
+        let steps = environments * config.horizon;
+        let width = shape.inputs();
+        let numbers = |len: usize| device.zeros::<f64>(len);
+        let columns = width.max(2);
         Ok(Self {
             environments: n,
             horizon: config.horizon,
@@ -68,7 +72,9 @@ impl Kept {
     /// Allocates bootstrap rows for `slots` truncated episodes per environment.
     pub fn slots(&mut self, net: &Network, slots: usize) -> DeviceResult {
         if self.slots < slots {
-            let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
+            let device = &net.device;
+            let n = self.environments;
+            let all = (1 + slots) * self.environments;
             (self.rows, self.inputs) =
                 (device.zeros(all * self.rows.len / n / (1 + self.slots))?, device.zeros(all * net.plan.padded)?);
             (self.which, self.slots) = (device.zeros(all)?, slots);

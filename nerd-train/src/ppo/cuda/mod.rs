@@ -67,16 +67,20 @@ pub struct CudaEngine {
 impl CudaEngine {
     /// Memory for a policy's rollouts and updates under these settings.
     pub fn new(shape: &Shape, config: &PpoConfig) -> Result<Self> {
-        let (own, sizes) = (config.environments, sizes(config));
+        let own = config.environments;
+        let sizes = sizes(config);
         let rows = sizes[1];
         // The network sees an observation as a window of one token.
         let plan = Plan::new(shape.program(), 1)?;
-        let (padded, parameters) = (plan.padded, plan.parameters());
+        let padded = plan.padded;
+        let parameters = plan.parameters();
         // SHAC's backward pass needs all steps at once, and the bootstrap rows.
         let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
         let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect_vec())?;
-        let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
+        let device = &net.device;
+        let n = own * config.horizon;
+        let zeros = |len: usize| net.device.zeros::<f32>(len);
         Ok(Self {
             steps_episodes: true,
             returns: config.algorithm == Algorithm::Shac,

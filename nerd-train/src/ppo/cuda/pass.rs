@@ -9,13 +9,17 @@ use crate::ppo::update::GRADIENT_NORM;
 impl CudaEngine {
     /// Runs one minibatch: `rows` steps of the permutation, from index `first` on.
     fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> DeviceResult {
-        let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
+        let net = &self.net;
+        let w = self.weights.ptr;
+        let order = self.order.at(first);
+        let a = self.shape.action;
         let entries = rows * net.plan.padded;
         let Steps { inputs, advantages, value_targets, values, neg_log_prob, actions, means, spreads } = &self.steps;
         self.over("ppo_gather", entries, &args![inputs, order, net.at(Slot(0)), entries, net.plan.padded])?;
         net.forward(w, rows)?;
         let Self { spread, terms, squares, gradient, weights, state, moments: [m, v], beta, .. } = self;
-        let (said, parameter) = (net.predictions(), self.parameter());
+        let said = net.predictions();
+        let parameter = self.parameter();
         let read = args![said, parameter, order, actions, neg_log_prob, advantages, value_targets, values];
         // SHAC's critic learns by the value loss alone.
         let critic = if config.algorithm == Algorithm::Shac { 1.0 } else { CRITIC };
@@ -27,7 +31,9 @@ impl CudaEngine {
         if !self.shape.state_dependent_std {
             net.sum_rows(spread.ptr, rows, a, Some(gradient.at(weights.len - a)), None)?;
         }
-        let (n, blocks, [b1, b2]) = (weights.len, rows.div_ceil(THREADS), *beta);
+        let n = weights.len;
+        let blocks = rows.div_ceil(THREADS);
+        let [b1, b2] = *beta;
         net.device.launch_blocks("squares", SQUARES, 256, &args![gradient, n, squares])?;
         let args = args![terms, blocks, squares, SQUARES, rows, GRADIENT_NORM, target_kl, b1, b2, state];
         net.device.launch_blocks("ppo_finish", 1, 224, &args)?;

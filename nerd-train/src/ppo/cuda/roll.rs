@@ -9,7 +9,9 @@ impl CudaEngine {
         world: &mut World,
         RolloutInput { episodes, running, policy, config, noise, .. }: &mut RolloutInput,
     ) -> Result<RolloutStats> {
-        let (resident, noise, horizon) = (on_card(&mut episodes.simulation)?, *noise, config.horizon);
+        let resident = on_card(&mut episodes.simulation)?;
+        let noise = *noise;
+        let horizon = config.horizon;
         let right =
             horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right)?;
@@ -29,10 +31,13 @@ impl CudaEngine {
     }
 
     fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> DeviceResult {
-        let (n, width, kept) = (self.kept.environments, self.shape.inputs(), &self.kept);
+        let n = self.kept.environments;
+        let width = self.shape.inputs();
+        let kept = &self.kept;
         self.drawn(t, (noise, t))?;
         let next = if t + 1 == kept.horizon { kept.rows.ptr } else { kept.observations.at((t + 1) * n * width) };
-        let (now, cut) = (kept.observations.at(t * n * width), kept.rows.at(n * width));
+        let now = kept.observations.at(t * n * width);
+        let cut = kept.rows.at(n * width);
         let (rewards, ends) = (kept.rewards.at(t * n), kept.ends.at(t * n));
         let judge = args![now, next, cut, &kept.cuts, self.shape.stack, rewards, ends];
         world.step(resident, t, kept.actions.ptr, &judge)
@@ -40,7 +45,8 @@ impl CudaEngine {
 
     /// Episodes that ended, with their returns and lengths.
     fn ended(&self, running: &mut Running) -> DeviceResult<Vec<Ended>> {
-        let (n, d) = (self.kept.environments, &self.net.device);
+        let n = self.kept.environments;
+        let d = &self.net.device;
         let (rewards, ends) = (d.download(&self.kept.rewards)?, d.download(&self.kept.ends)?);
         d.read(&self.kept.rows, &mut running.stack.rows)?;
         let came = rewards.iter().zip(&ends).enumerate();

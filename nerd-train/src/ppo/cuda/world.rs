@@ -58,12 +58,15 @@ impl World {
     /// Moves episodes to their solver's device, on the stream of `beside`. `None` if the solver keeps no batch on a
     /// device. `back` is the horizon (steps) of rollouts that are differentiated; `None` if none are.
     pub fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
-        let (kept, most, (seed, first), task) =
-            (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
+        let kept = episodes.snapshot();
+        let most = episodes.remembered();
+        let (seed, first) = episodes.draws();
+        let task = &episodes.task;
         let climbs = i32::from(episodes.climbs());
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
-        let (n, system) = (batch.len(), &batch.system);
+        let n = batch.len();
+        let system = &batch.system;
         let text = task.kernels(Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
         let _foreseen = beside.foresee(&text)?;
         resident.hold(batch)?;
@@ -82,7 +85,8 @@ impl World {
             device.join(beside)?;
             let (goals, frames, begun) =
                 (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
-            let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
+            let failed = device.zeros::<u32>(n)?;
+            let counts = device.zeros::<u32>(2)?;
             let [states, torques, records, of] =
                 [held.states.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
             let at =
@@ -98,14 +102,16 @@ impl World {
                 before: before.ptr,
             };
             let frames_back = steps * task.frames() as usize;
-            let (room, sizes) =
-                (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
+            let room = most.max(frames_back);
+            let sizes = [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()];
             let [states, torques, asked] = sizes.map(|size| device.zeros(room * size));
             let past =
                 Past { most, known: 0, room, states: states?, torques: torques?, goals: asked?, sizes, count: 0 };
             let reached = back.map(|steps| device.zeros(steps * kept.states.len())).transpose()?;
             let fields = device.upload(&[fields])?;
-            let (step, length, states) = (task.frames() as usize, task.episode_length().max(1), kept.states.clone());
+            let step = task.frames() as usize;
+            let length = task.episode_length().max(1);
+            let states = kept.states.clone();
             Ok(Self {
                 fields,
                 goals,
@@ -217,7 +223,8 @@ impl World {
 
 /// States `[env][frame][state]` before the last `frames` frames, newest first; zeros for missing frames.
 fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
-    let (all, d) = (kept.states.len(), kept.states.len() / n.max(1));
+    let all = kept.states.len();
+    let d = kept.states.len() / n.max(1);
     let mut out = vec![0.0; frames * all];
     for (k, states) in kept.past_states.chunks_exact(all.max(1)).rev().take(frames).enumerate() {
         for (env, state) in states.chunks_exact(d).enumerate() {

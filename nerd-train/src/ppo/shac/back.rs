@@ -1,11 +1,10 @@
 //! Backward pass through a rollout: gradients of `-J` with respect to actions.
 
-use nerd_tasks::{View, Work};
+use nerd_tasks::{Compiled, View, Work};
 
+use super::behind::{Behind, Env};
+use super::frames::Frames;
 use super::*;
-
-/// Environments in one parallel chunk.
-const ROWS: usize = 64;
 
 /// Result of the backward pass.
 #[derive(Clone, Debug, Default)]
@@ -18,61 +17,6 @@ pub(super) struct Found {
     pub without: Vec<usize>,
 }
 
-/// Gradients of one environment with respect to its state, torques and action.
-struct Env<'a> {
-    gradient: &'a mut [f64],
-    by_torques: &'a mut [f64],
-    by_action: &'a mut [f64],
-}
-
-/// Backward pass through the solver's frames.
-struct Frames<'a> {
-    solver: &'a mut dyn Solver,
-    batch: Batch,
-    torques: Vec<f64>,
-    /// `without`: environments with a frame that has no gradients. `lost`: environments that failed in the present
-    /// step, so that it has no gradient.
-    without: Vec<bool>,
-    lost: Vec<bool>,
-}
-
-impl Frames<'_> {
-    /// Replaces `behind`, gradients with respect to the states after a frame, by gradients with respect to the states
-    /// before it. Returns gradients with respect to torques. In place of an excluded environment, the solver steps a
-    /// copy of another one.
-    fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
-        let (n, robot) = (self.batch.len(), &self.batch.system.robot);
-        let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
-        loop {
-            let gone = |env: usize| self.without[env] || self.lost[env];
-            let Some(sound) = (0..n).find(|env| !gone(*env)) else {
-                behind.fill(0.0);
-                return Ok(vec![0.0; n * joints]);
-            };
-            self.batch.states.copy_from_slice(states);
-            torques.clone_into(&mut self.torques);
-            for env in (0..n).filter(|env| gone(*env)) {
-                self.batch.states[env * d..][..d].copy_from_slice(&states[sound * d..][..d]);
-                self.torques[env * joints..][..joints].copy_from_slice(&torques[sound * joints..][..joints]);
-                behind[env * wide..][..wide].fill(0.0);
-            }
-            match self.solver.vjp(&self.batch, &self.torques, 1, behind) {
-                Ok(found) => {
-                    *behind = found.states;
-                    return Ok(found.torques);
-                }
-                Err(error) => {
-                    let faults = error.faults()?;
-                    if faults.iter().all(|fault| gone(fault.env)) {
-                        return Err(StepError::Environments(faults).into());
-                    }
-                    faults.iter().for_each(|fault| self.without[fault.env] = true);
-                }
-            }
-        }
-    }
-}
-
 /// Computes J and its gradients with respect to the actions of a rollout.
 pub(super) fn back(
     steps: &Steps,
@@ -81,46 +25,115 @@ pub(super) fn back(
     value: &Policy,
     config: &PpoConfig,
 ) -> Result<Found> {
-    let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
-    let (task, scale) = (&episodes.task, 1.0 / config.steps() as f64);
-    let Simulation { batch: now, solver } = &mut episodes.simulation;
-    let (batch, system) = (now.clone(), now.system.clone());
-    let mut way =
-        Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
-    let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
-    let (width, a, goals) = (policy.shape.inputs(), policy.shape.action, task.goal_dim());
+    let h = config.horizon;
+    let Simulation { batch, solver } = &mut episodes.simulation;
+    let mut frames = Frames::new(&mut **solver, batch.clone());
+    let rollout = Rollout::new(steps, &episodes.task, batch, policy, config);
+    let Rollout { n, a, .. } = rollout;
+    let mut behind = Behind::new(&batch.system, n, a);
     let (actor, critic) = (policy.network(), value.network());
-    let (shares, trace) = (shares(&steps.ends, n, config.gamma), &steps.trace);
-    let (mut behind, mut by_torques, mut by_action) = (vec![0.0; n * wide], vec![0.0; n * joints], vec![0.0; n * a]);
-    let mut works = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect_vec();
-    let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
-    let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
-        let (gradients, torques, actions) = parts;
-        let chunks = gradients
-            .par_chunks_mut(ROWS * wide)
-            .zip(torques.par_chunks_mut(ROWS * joints))
-            .zip(actions.par_chunks_mut(ROWS * a));
-        chunks.zip(&mut works).enumerate().for_each(|(chunk, (((gradients, torques), actions), work))| {
-            let rows =
-                gradients.chunks_exact_mut(wide).zip(torques.chunks_exact_mut(joints)).zip(actions.chunks_exact_mut(a));
-            for (i, ((gradient, by_torques), by_action)) in rows.enumerate() {
-                one(chunk * ROWS + i, Env { gradient, by_torques, by_action }, work);
-            }
-        });
-    };
-    let scenes = &now.scenes;
-    let seen = |k: usize, env: usize| {
-        let goal = &trace.goals[(k * n + env) * goals..][..goals];
-        View { state: &trace.states[(k * n + env) * d..][..d], goal, scene: &scenes[env] }
-    };
+    let mut by_actions = vec![0.0; h * n * a];
+    let mut earned = 0.0;
+    let mut cut = steps.cut.len() / rollout.width;
     for t in (0..h).rev() {
-        let (ends, last) = (&steps.ends[t * n..][..n], (t + 1) * frames - 1);
-        // Environments with a bootstrap value after this step.
-        let asked = (0..n).filter(|env| ends[*env] == TRUNCATED || (t + 1 == h && ends[*env] == 0)).collect_vec();
-        cut -= ends.iter().filter(|end| **end == TRUNCATED).count();
+        cut -= rollout.ends(t).iter().filter(|end| **end == TRUNCATED).count();
+        let asked = rollout.asked(t);
+        let (by_rows, worth) = rollout.back_through_value(t, &asked, cut, (value, &critic));
+        earned += worth;
+        earned += rollout.rewarded(t);
+        frames.lost.iter_mut().enumerate().for_each(|(env, lost)| *lost = rollout.reached(t, env)[0].is_nan());
+        behind.each(|env, by, work| {
+            let by_row = asked.binary_search(&env).ok().map(|i| &by_rows[i * rollout.width..][..rollout.width]);
+            rollout.back_through_end(t, env, by_row, by, work);
+        });
+        rollout.back_through_frames(t, &mut frames, &mut behind)?;
+        rollout.hold_back(t, &mut behind.by_action);
+        rollout.back_through_policy(t, (policy, &actor), &mut behind);
+        behind.exclude(&mut frames.without);
+        by_actions[t * n * a..][..n * a].copy_from_slice(&behind.by_action);
+    }
+    let without = (0..n).filter(|env| frames.without[*env]).collect_vec();
+    for (t, env) in (0..h).flat_map(|t| without.iter().map(move |env| (t, env))) {
+        by_actions[(t * n + env) * a..][..a].fill(0.0);
+    }
+    Ok(Found { by_actions, earned, without })
+}
+
+/// A rollout, as input of its backward pass.
+struct Rollout<'a> {
+    steps: &'a Steps,
+    task: &'a Compiled,
+    scenes: &'a [Arc<Scene>],
+    config: &'a PpoConfig,
+    /// Weights of rewards in J, and the factor on all of them.
+    shares: Vec<f64>,
+    scale: f64,
+    /// Environments, frames in a step; widths of a state, torques, an action, a stacked observation and a goal.
+    n: usize,
+    frames: usize,
+    d: usize,
+    joints: usize,
+    a: usize,
+    width: usize,
+    goals: usize,
+}
+
+impl<'a> Rollout<'a> {
+    fn new(steps: &'a Steps, task: &'a Compiled, batch: &'a Batch, policy: &Policy, config: &'a PpoConfig) -> Self {
+        let n = batch.len();
+        let robot = &batch.system.robot;
+        Self {
+            steps,
+            task,
+            scenes: &batch.scenes,
+            config,
+            shares: shares(&steps.ends, n, config.gamma),
+            scale: 1.0 / config.steps() as f64,
+            n,
+            frames: task.frames() as usize,
+            d: robot.state_dim(),
+            joints: robot.joint_count(),
+            a: policy.shape.action,
+            width: policy.shape.inputs(),
+            goals: task.goal_dim(),
+        }
+    }
+
+    fn ends(&self, t: usize) -> &[u8] {
+        &self.steps.ends[t * self.n..][..self.n]
+    }
+
+    /// Sampled actions of a step.
+    fn drawn(&self, t: usize) -> &[f32] {
+        &self.steps.drawn[t * self.n * self.a..][..self.n * self.a]
+    }
+
+    /// State after a step, before an episode's restart.
+    fn reached(&self, t: usize, env: usize) -> &[f64] {
+        &self.steps.trace.reached[(t * self.n + env) * self.d..][..self.d]
+    }
+
+    /// What the task sees before frame k.
+    fn seen(&self, k: usize, env: usize) -> View<'_> {
+        let trace = &self.steps.trace;
+        let goal = &trace.goals[(k * self.n + env) * self.goals..][..self.goals];
+        View { state: &trace.states[(k * self.n + env) * self.d..][..self.d], goal, scene: &self.scenes[env] }
+    }
+
+    /// Environments with a bootstrap value after this step.
+    fn asked(&self, t: usize) -> Vec<usize> {
+        let ends = self.ends(t);
+        let last = t + 1 == self.config.horizon;
+        (0..self.n).filter(|env| ends[*env] == TRUNCATED || (last && ends[*env] == 0)).collect()
+    }
+
+    /// Observations of the environments `asked` after a step; `cut` is the step's first one of a truncated episode.
+    fn rows_after(&self, t: usize, asked: &[usize], cut: usize) -> Vec<f64> {
+        let Self { steps, n, width, .. } = *self;
+        let ends = self.ends(t);
         let mut next_cut = cut;
         let mut rows = Vec::with_capacity(asked.len() * width);
-        for env in &asked {
+        for env in asked {
             let row = if ends[*env] == TRUNCATED {
                 &steps.cut[next_cut * width..]
             } else {
@@ -129,87 +142,101 @@ pub(super) fn back(
             next_cut += usize::from(ends[*env] == TRUNCATED);
             rows.extend_from_slice(&row[..width]);
         }
-        let later = |i: usize| config.gamma * shares[t * n + asked[i]] * scale;
+        rows
+    }
+
+    /// Gradients with respect to the observations of the environments `asked`, through their bootstrap values. Also
+    /// returns the part of these values in J.
+    fn back_through_value(
+        &self,
+        t: usize,
+        asked: &[usize],
+        cut: usize,
+        (value, critic): (&Policy, &Loaded),
+    ) -> (Vec<f64>, f64) {
+        let rows = self.rows_after(t, asked, cut);
+        let later = |i: usize| self.config.gamma * self.shares[t * self.n + asked[i]] * self.scale;
         let unit = value.returns.scale(0);
-        let (by_rows, worth) = through(value, &critic, &rows, By::Rows, |i, said, by| {
-            by[a] = (-later(i) * unit) as f32;
-            later(i) * value.returns.restore(0, f64::from(said[a]))
-        });
-        earned += worth;
-        earned += (0..n).map(|env| scale * shares[t * n + env] * steps.rewards[t * n + env]).sum::<f64>();
-        let reached = |env: usize| &trace.reached[(t * n + env) * d..][..d];
-        way.lost.iter_mut().enumerate().for_each(|(env, lost)| *lost = reached(env)[0].is_nan());
-        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, by_torques, by_action }, work| {
-            by_torques.fill(0.0);
-            by_action.fill(0.0);
-            if ends[env] > 0 {
-                gradient.fill(0.0);
-            }
-            let state = reached(env);
-            if state[0].is_nan() {
-                return;
-            }
-            // The goal after the step.
-            let mut goal = seen(last, env).goal.to_vec();
-            task.advance(&mut goal);
-            task.remember(&mut goal, &numbers(&steps.drawn[(t * n + env) * a..][..a]));
-            let view = View { state, goal: &goal, ..seen(last, env) };
-            let torques = &trace.torques[(last * n + env) * joints..][..joints];
-            task.reward_back(view, torques, work, -scale * shares[t * n + env], gradient, by_torques);
-            if let Ok(i) = asked.binary_search(&env) {
-                task.observe_back(view, work, &by_rows[i * width..][..width], gradient);
-            }
-        });
-        let drawn = &steps.drawn[t * n * a..][..n * a];
-        for k in (t * frames..=last).rev() {
-            let found = way.back(
-                &trace.states[k * n * d..][..n * d],
-                &trace.torques[k * n * joints..][..n * joints],
-                &mut behind,
-            )?;
-            add(&mut by_torques, &found);
-            each(
-                (&mut behind, &mut by_torques, &mut by_action),
-                &|env, Env { gradient, by_torques, by_action }, work| {
-                    task.act_back(
-                        seen(k, env),
-                        &numbers(&drawn[env * a..][..a]),
-                        work,
-                        by_torques,
-                        gradient,
-                        by_action,
-                    );
-                    by_torques.fill(0.0);
-                },
-            );
+        through(value, critic, &rows, By::Rows, |i, said, by| {
+            by[self.a] = (-later(i) * unit) as f32;
+            later(i) * value.returns.restore(0, f64::from(said[self.a]))
+        })
+    }
+
+    /// Part of a step's rewards in J.
+    fn rewarded(&self, t: usize) -> f64 {
+        let Self { steps, n, scale, .. } = *self;
+        (0..n).map(|env| scale * self.shares[t * n + env] * steps.rewards[t * n + env]).sum()
+    }
+
+    /// Starts a step of one environment at its end: through the reward, and through the next observation where `by_row`
+    /// is given.
+    fn back_through_end(&self, t: usize, env: usize, by_row: Option<&[f64]>, by: Env, work: &mut Work) {
+        let Env { gradient, by_torques, by_action } = by;
+        let Self { steps, task, n, joints, .. } = *self;
+        let last = (t + 1) * self.frames - 1;
+        by_torques.fill(0.0);
+        by_action.fill(0.0);
+        if self.ends(t)[env] > 0 {
+            gradient.fill(0.0);
         }
-        // For an action beyond a bound, set a gradient that would push the action further out to 0.
+        let state = self.reached(t, env);
+        if state[0].is_nan() {
+            return;
+        }
+        // The goal after the step.
+        let mut goal = self.seen(last, env).goal.to_vec();
+        task.advance(&mut goal);
+        task.remember(&mut goal, &numbers(&self.drawn(t)[env * self.a..][..self.a]));
+        let view = View { state, goal: &goal, ..self.seen(last, env) };
+        let torques = &steps.trace.torques[(last * n + env) * joints..][..joints];
+        task.reward_back(view, torques, work, -self.scale * self.shares[t * n + env], gradient, by_torques);
+        if let Some(by_row) = by_row {
+            task.observe_back(view, work, by_row, gradient);
+        }
+    }
+
+    /// Goes through a step's frames, from the last to the first: solver, then torques of the action.
+    fn back_through_frames(&self, t: usize, frames: &mut Frames, behind: &mut Behind) -> Result<()> {
+        let Self { steps: Steps { trace, .. }, n, d, joints, a, .. } = *self;
+        let drawn = self.drawn(t);
+        for k in (t * self.frames..(t + 1) * self.frames).rev() {
+            let states = &trace.states[k * n * d..][..n * d];
+            let torques = &trace.torques[k * n * joints..][..n * joints];
+            let found = frames.back(states, torques, &mut behind.by_states)?;
+            add(&mut behind.by_torques, &found);
+            behind.each(|env, Env { gradient, by_torques, by_action }, work| {
+                let action = numbers(&drawn[env * a..][..a]);
+                self.task.act_back(self.seen(k, env), &action, work, by_torques, gradient, by_action);
+                by_torques.fill(0.0);
+            });
+        }
+        Ok(())
+    }
+
+    /// For an action beyond a bound, sets a gradient that would push the action further out to 0.
+    fn hold_back(&self, t: usize, by_action: &mut [f64]) {
         by_action
             .iter_mut()
-            .zip(drawn)
+            .zip(self.drawn(t))
             .filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0)
             .for_each(|(g, _)| *g = 0.0);
-        let (by_rows, _) = through(policy, &actor, &steps.rows[t * n * width..][..n * width], By::Rows, |i, _, by| {
+    }
+
+    /// Adds the gradient with respect to the state before a step, through observation and mean action.
+    fn back_through_policy(&self, t: usize, (policy, actor): (&Policy, &Loaded), behind: &mut Behind) {
+        let Self { n, a, width, .. } = *self;
+        let rows = &self.steps.rows[t * n * width..][..n * width];
+        let by_action = &behind.by_action;
+        let (by_rows, _) = through(policy, actor, rows, By::Rows, |i, _, by| {
             by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
             0.0
         });
-        each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { gradient, .. }, work| {
-            task.observe_back(seen(t * frames, env), work, &by_rows[env * width..][..width], gradient);
+        behind.each(|env, Env { gradient, .. }, work| {
+            let view = self.seen(t * self.frames, env);
+            self.task.observe_back(view, work, &by_rows[env * width..][..width], gradient);
         });
-        for env in 0..n {
-            let own = [&mut behind[env * wide..][..wide], &mut by_action[env * a..][..a]];
-            if !own.iter().all(|numbers| numbers.iter().all(|g| g.is_finite())) {
-                way.without[env] = true;
-                own.into_iter().for_each(|numbers| numbers.fill(0.0));
-            }
-        }
-        by_actions[t * n * a..][..n * a].copy_from_slice(&by_action);
     }
-    let without = (0..n).filter(|env| way.without[*env]).collect_vec();
-    for (t, env) in (0..h).flat_map(|t| without.iter().map(move |env| (t, env))) {
-        by_actions[(t * n + env) * a..][..a].fill(0.0);
-    }
-    Ok(Found { by_actions, earned, without })
 }
 
 fn numbers(x: &[f32]) -> Vec<f64> {

@@ -6,9 +6,12 @@ impl Shac {
     /// Runs all passes over the rollout; returns the mean squared error of normalised values over all minibatches.
     pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> f64 {
         (self.critic.seen, self.critic.returns) = (policy.seen.clone(), policy.returns.clone());
-        let (width, a, mut network) = (policy.shape.inputs(), policy.shape.action, self.critic.network());
+        let width = policy.shape.inputs();
+        let a = policy.shape.action;
+        let mut network = self.critic.network();
         let value_targets = self.returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect_vec();
-        let (mut lost, mut batches) = (0.0, 0.0);
+        let mut lost = 0.0;
+        let mut batches = 0.0;
         for order in orders(config, key) {
             for batch in order.chunks(config.minibatch) {
                 let own = batch.iter().map(|i| *i as usize).collect_vec();

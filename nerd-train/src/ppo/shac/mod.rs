@@ -16,7 +16,9 @@
 //! Therefore a gradient that points back inside the bounds passes the clamp (Hausknecht and Stone 2016).
 
 mod back;
+mod behind;
 mod critic;
+mod frames;
 mod steps;
 mod through;
 
@@ -71,8 +73,8 @@ impl Shac {
         // A solver without gradients reports so when called.
         let Simulation { batch, solver } = &mut episodes.simulation;
         let robot = &batch.system.robot;
-        let (torques, nothing) =
-            (vec![0.0; batch.len() * robot.joint_count()], vec![0.0; batch.len() * 2 * robot.nv()]);
+        let torques = vec![0.0; batch.len() * robot.joint_count()];
+        let nothing = vec![0.0; batch.len() * 2 * robot.nv()];
         if let Err(error) = solver.vjp(batch, &torques, 1, &nothing) {
             error.faults()?;
         }
@@ -80,10 +82,11 @@ impl Shac {
         policy.flat[spread..].fill(SPREAD);
         let mut critic = Policy::new(policy.shape.clone(), &mut stream(seed, 0));
         // A zero output layer gives the initial value no gradient; a random gradient would mislead the policy.
-        let (inside, outputs) =
-            (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
+        let inside = critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs());
+        let outputs = critic.shape.outputs();
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
-        let (adam, target_critic) = (Adam::new(critic.flat.len(), config.learning_rate), critic.flat.clone());
+        let adam = Adam::new(critic.flat.len(), config.learning_rate);
+        let target_critic = critic.flat.clone();
         let (gradient, steps, by_actions, returns) = Default::default();
         Ok(Self { gradient, earned: 0.0, critic, adam, target_critic, steps, by_actions, returns })
     }
@@ -119,7 +122,9 @@ impl Shac {
 
     /// Contribution of the environments `envs` to the gradient of `-J` with respect to the policy's parameters.
     fn by_parameters(&self, policy: &Policy, envs: Range<usize>) -> Vec<f32> {
-        let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.environments());
+        let width = policy.shape.inputs();
+        let a = policy.shape.action;
+        let n = self.environments();
         let own = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect_vec();
         let rows = own.iter().flat_map(|i| &self.steps.rows[i * width..][..width]).copied().collect_vec();
         let by_action = |i: usize| &self.by_actions[own[i] * a..][..a];
@@ -154,7 +159,8 @@ impl Engine for Shac {
         (self.by_actions, self.earned) = (by_actions, earned);
         let values = |rows: &[f64]| if rows.is_empty() { Vec::new() } else { value.values(&value.answer(rows)) };
         let (acted, last) = steps.rows.split_at(steps.rows.len() - running.stack.rows.len());
-        let (own, came) = (values(acted), (&steps.rewards[..], &steps.ends[..]));
+        let own = values(acted);
+        let came = (&steps.rewards[..], &steps.ends[..]);
         let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config);
         self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
         self.steps = steps;

@@ -26,7 +26,9 @@ impl Steps {
     pub fn rolled(
         RolloutInput { episodes, running, policy, config, noise, stop }: &mut RolloutInput,
     ) -> Result<(Self, RolloutStats)> {
-        let (mut kept, mut taken, mut cut) = (Self::default(), RolloutStats::default(), Vec::new());
+        let mut kept = Self::default();
+        let mut taken = RolloutStats::default();
+        let mut cut = Vec::new();
         let actor = Actor::new((*policy).clone());
         kept.environments = episodes.len();
         episodes.trace();

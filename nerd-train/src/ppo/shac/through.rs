@@ -26,7 +26,8 @@ pub(super) fn through(
     let (width, outputs) = (policy.shape.inputs(), policy.shape.outputs());
     let size = ROWS.max((rows.len() / width).div_ceil(PARTS));
     let part = |(first, rows): (usize, &[f64])| {
-        let (mut inputs, mut memory) = (Vec::new(), Memory::default());
+        let mut inputs = Vec::new();
+        let mut memory = Memory::default();
         policy.seen.rows(rows, &mut inputs);
         let said = network.forward(&inputs, &mut memory, Pass::Kept(1)).clone();
         let mut upstream = vec![0.0; said.len()];
@@ -39,7 +40,8 @@ pub(super) fn through(
         (found, sum)
     };
     let parts: Vec<_> = rows.par_chunks(size * width).enumerate().map(part).collect();
-    let (sum, found) = (parts.iter().map(|part| part.1).sum(), parts.iter().flat_map(|part| &part.0));
+    let sum = parts.iter().map(|part| part.1).sum();
+    let found = parts.iter().flat_map(|part| &part.0);
     if by == By::Rows {
         return (
             found.enumerate().map(|(i, g)| policy.seen.gradient(i % width, rows[i]) * f64::from(*g)).collect(),

@@ -10,7 +10,8 @@ use super::*;
 /// # Errors
 /// If the robot is not a chain, or the network is not for its number of rods.
 pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
-    let (chain, mut solver) = (Chain::of(system)?, ChainSolver::new(weights, normalizer, system)?);
+    let chain = Chain::of(system)?;
+    let mut solver = ChainSolver::new(weights, normalizer, system)?;
     let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
     let mut batch = Batch::new(system, first, motions.len());
     batch.scenes.clone_from_slice(&motions.scenes);
@@ -42,7 +43,8 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
 /// spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
     ratio(motions, frames, Memory::default, |memory, motion, frame| {
-        let (before, truth) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
+        let before = chain.rods(motions.state(motion, frame));
+        let truth = chain.rods(motions.state(motion, frame + 1));
         let look =
             Look::at(chain, &before, motions.torques(motion, frame), |place| motions.scenes[motion].contact(place));
         let mut tokens = Vec::new();

@@ -41,7 +41,8 @@ impl Loss {
         weight: f64,
         gradient: &mut Rods,
     ) -> f64 {
-        let (q, dt) = (2.0 * self.share * (k as f64).sqrt(), chain.frame_time);
+        let q = 2.0 * self.share * (k as f64).sqrt();
+        let dt = chain.frame_time;
         let ([x, v], [true_x, true_v]) = (chain.nodes(predicted), chain.nodes(truth));
         let mut by_nodes = [vec![Vector3::zeros(); chain.rods], vec![Vector3::zeros(); chain.rods]];
         let mut total = 0.0;

@@ -62,7 +62,8 @@ impl Body for Cable {
         tokens: &mut Vec<f32>,
     ) -> Look {
         let Place { motion, frame, view } = place;
-        let (torques, scene) = (view.torques(&self.chain, motions.torques(*motion, *frame)), &motions.scenes[*motion]);
+        let torques = view.torques(&self.chain, motions.torques(*motion, *frame));
+        let scene = &motions.scenes[*motion];
         let look = Look::at(&self.chain, rods, &torques, |at| view.contact(&self.chain, scene, at));
         look.tokens(&self.chain, rods, tokens);
         look

@@ -47,15 +47,23 @@ pub(super) struct Rolled<'a> {
 
 impl BackwardPass {
     pub fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> DeviceResult<Self> {
-        let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
-        let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
+        let kept = &engine.kept;
+        let d = &engine.net.device;
+        let a = engine.shape.action;
+        let n = kept.environments;
+        let width = engine.shape.inputs();
+        let joints = robot.joint_count();
+        let wide = 2 * robot.nv();
         let steps = n * kept.horizon;
         let reals = |len: usize| d.zeros::<f64>(len);
-        let (shares, asked, slope, pushed) =
-            (reals(steps)?, d.zeros::<i32>(steps)?, reals(n * wide)?, reals(n * joints)?);
+        let shares = reals(steps)?;
+        let asked = d.zeros::<i32>(steps)?;
+        let slope = reals(n * wide)?;
+        let pushed = reals(n * joints)?;
         let (by_torques, by_action, by_spread) = (reals(n * joints)?, reals(n * a)?, d.zeros::<f32>(steps * a)?);
-        let (by_seen, by_rows, without) =
-            (d.zeros::<f32>(n * width)?, d.zeros::<f32>((1 + kept.slots) * n * width)?, d.zeros::<u32>(n)?);
+        let by_seen = d.zeros::<f32>(n * width)?;
+        let by_rows = d.zeros::<f32>((1 + kept.slots) * n * width)?;
+        let without = d.zeros::<u32>(n)?;
         let (trail, [goals, reached]) = world.trail();
         let Steps { actions, means, .. } = &engine.steps;
         let known = [
@@ -71,15 +79,17 @@ impl BackwardPass {
         let of_steps = [shares.ptr, kept.ends.ptr, asked.ptr, actions.ptr, means.ptr, by_seen.ptr, by_rows.ptr];
         let found =
             [slope.ptr, by_torques.ptr, pushed.ptr, by_action.ptr, without.ptr, engine.net.targets.ptr, by_spread.ptr];
-        let (scale, outputs, horizon) =
-            (1.0 / config.steps() as f64, engine.shape.outputs() as i32, kept.horizon as i32);
+        let scale = 1.0 / config.steps() as f64;
+        let outputs = engine.shape.outputs() as i32;
+        let horizon = kept.horizon as i32;
         let at = [&known[..], &of_steps, &found]
             .concat()
             .try_into()
             .map_err(|_| DeviceError("fields of the way back".into()))?;
         let fields = d.upload(&[Fields { at, scale, outputs, horizon }])?;
         let earned = reals(n)?;
-        let (_kept, replays) = ([by_torques, by_action], Default::default());
+        let _kept = [by_torques, by_action];
+        let replays = Default::default();
         Ok(Self {
             fields,
             shares,
@@ -106,7 +116,8 @@ impl BackwardPass {
     /// Evaluates policy and solver again at all steps, as preparation of `back`.
     pub fn recall(&self, of: Rolled) -> DeviceResult {
         let Rolled { engine, world, resident, .. } = of;
-        let (net, kept) = (&engine.net, &engine.kept);
+        let net = &engine.net;
+        let kept = &engine.kept;
         self.replays[1].run(&net.device, "recall", (), || {
             engine.ask(engine.weights.ptr, kept.observations.ptr, net.at(Slot(0)), kept.environments * kept.horizon)?;
             resident.recall(world.trail().0)
@@ -119,13 +130,12 @@ impl BackwardPass {
     }
 
     fn values(&self, Rolled { engine, config, target_critic, .. }: Rolled) -> DeviceResult {
-        let (net, kept) = (&engine.net, &engine.kept);
-        let (n, a, steps, rows) = (
-            kept.environments,
-            engine.shape.action,
-            kept.environments * kept.horizon,
-            (1 + kept.slots) * kept.environments,
-        );
+        let net = &engine.net;
+        let kept = &engine.kept;
+        let n = kept.environments;
+        let a = engine.shape.action;
+        let steps = kept.environments * kept.horizon;
+        let rows = (1 + kept.slots) * kept.environments;
         engine.reached(target_critic)?;
         let Self { shares, asked, earned, without, scale, .. } = self;
         let read = args![&kept.rewards, &kept.ends, &kept.values, &kept.units];
@@ -139,8 +149,13 @@ impl BackwardPass {
     }
 
     fn through(&self, Rolled { engine, world, resident, .. }: Rolled) -> DeviceResult {
-        let (net, n, horizon, frames) = (&engine.net, engine.kept.environments, engine.kept.horizon, world.frames());
-        let (weights, steps, trail) = (engine.weights.ptr, self.fields.ptr, world.trail().0);
+        let net = &engine.net;
+        let n = engine.kept.environments;
+        let horizon = engine.kept.horizon;
+        let frames = world.frames();
+        let weights = engine.weights.ptr;
+        let steps = self.fields.ptr;
+        let trail = world.trail().0;
         let [slope, by_torques] = [self.slope.ptr, self.pushed.ptr];
         for t in (0..horizon).rev() {
             world.back("task_arrive_back", 1, steps, &args![t])?;

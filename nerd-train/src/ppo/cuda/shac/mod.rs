@@ -90,7 +90,8 @@ impl CudaShac {
     /// Uploads the critic, unless the device has it.
     fn load(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.critic.loaded, true) {
-            let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &self.shac);
+            let d = &self.engine.net.device;
+            let Shac { critic, target_critic, adam, .. } = &self.shac;
             let here = [&critic.flat, target_critic, &adam.m, &adam.v];
             self.critic.vectors().into_iter().zip(here).try_for_each(|(to, from)| d.write(to, from))?;
         }
@@ -100,7 +101,8 @@ impl CudaShac {
     /// Trains the critic on the returns of the rollout and moves V'. Returns the mean squared error of normalised
     /// values.
     fn learn(&mut self, policy: &mut Policy, config: &PpoConfig, orders: StreamKey) -> Result<f64> {
-        let (config, Self { engine, critic, shac, .. }) = (of_critic(config), self);
+        let config = of_critic(config);
+        let Self { engine, critic, shac, .. } = self;
         let orders = engine.orders(&config, orders)?;
         engine.loss_inputs(policy, false)?;
         let mut swap = |engine: &mut CudaEngine| {
@@ -176,7 +178,8 @@ impl Engine for CudaShac {
     fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
         // The caller may change these vectors, so the device's copy becomes stale.
         if std::mem::take(&mut self.critic.loaded) {
-            let (d, Shac { critic, target_critic, adam, .. }) = (&self.engine.net.device, &mut self.shac);
+            let d = &self.engine.net.device;
+            let Shac { critic, target_critic, adam, .. } = &mut self.shac;
             let here = [&mut critic.flat, target_critic, &mut adam.m, &mut adam.v];
             self.critic.vectors().into_iter().zip(here).try_for_each(|(from, to)| d.read(from, to))?;
         }
