@@ -39,99 +39,167 @@ pub struct Seen<'a> {
 /// Adjoint of [`Features::token`]: adds to `gradient[2 nv]` the gradient with respect to the state, from
 /// `by_token[inputs]`, the gradient with respect to the unnormalised token.
 pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, gradient: &mut [f64]) {
-    let Seen { state, contacts, gravity, view, frame_time } = seen;
-    let moving = *view == View::Moving;
-    let nv = robot.nv();
-    let dofs = robot.root_dofs();
-    let joints = robot.joint_count();
-    let mut rest = by_token;
-    let mut take = |n: usize| {
-        let (now, later) = rest.split_at(n);
-        rest = later;
-        now
-    };
+    let mut rest = Rest(by_token);
     // In its own frame the root has a constant pose, without gradient.
-    take(robot.root_coords());
-    let by_angles = take(joints);
-    add(&mut gradient[nv..], take(nv));
-    let ends: Vec<usize> = robot.joints().map(|joint| if moving { waves(joint) } else { 0 }).collect();
-    let mut end = &by_token[by_token.len() - ends.iter().sum::<usize>()..];
+    rest.take(robot.root_coords());
+    let by_angles = rest.take(robot.joint_count());
+    add(&mut gradient[robot.nv()..], rest.take(robot.nv()));
+    angles_back(robot, seen, by_angles, by_token, gradient);
+    if !Features::situated(robot) {
+        return;
+    }
+    kinematics(robot, seen.state, data);
+    if seen.moving() {
+        let (q, qd) = robot.split(seen.state);
+        velocities(robot, &qd.to_local(robot, q).0, data);
+    }
+    let mut loads = Loads::new(robot);
+    loads.back_through_contacts(robot, seen, data, &mut rest, gradient);
+    rest.take(robot.joint_count());
+    let by_gravity = vector(rest.take(3));
+    if seen.moving() {
+        loads.back_through_axes(data, &mut rest);
+    }
+    loads.back_through_root(seen, data, &by_gravity);
+    wrenches_back(robot, data, &mut loads.forces, gradient);
+    wrenches_back(robot, data, &mut loads.impulses, &mut gradient[robot.nv()..]);
+}
+
+/// The part of a token that is still to be read.
+struct Rest<'a>(&'a [f64]);
+
+impl<'a> Rest<'a> {
+    fn take(&mut self, n: usize) -> &'a [f64] {
+        let (now, later) = self.0.split_at(n);
+        self.0 = later;
+        now
+    }
+}
+
+impl Seen<'_> {
+    fn moving(&self) -> bool {
+        self.view == View::Moving
+    }
+}
+
+/// Adds the gradient through the joints' coordinates, and through their sines and cosines at the token's end.
+fn angles_back(robot: &Robot, seen: &Seen, by_angles: &[f64], by_token: &[f64], gradient: &mut [f64]) {
+    let ends: Vec<usize> = robot.joints().map(|joint| if seen.moving() { waves(joint) } else { 0 }).collect();
+    let mut end = Rest(&by_token[by_token.len() - ends.iter().sum::<usize>()..]);
     for (i, (count, by)) in ends.into_iter().zip(by_angles).enumerate() {
-        let (own, later) = end.split_at(count);
-        let (sin, cos) = state[robot.root_coords() + i].sin_cos();
-        gradient[dofs + i] += match *own {
+        let (sin, cos) = seen.state[robot.root_coords() + i].sin_cos();
+        gradient[robot.root_dofs() + i] += match *end.take(count) {
             [by_cos] => by * cos - by_cos * sin,
             [by_sin, by_cos] => by + by_sin * cos - by_cos * sin,
             _ => *by,
         };
-        end = later;
     }
-    if !Features::situated(robot) {
-        return;
+}
+
+/// Gradients with respect to displacements (`forces`) and velocities (`impulses`) of links.
+struct Loads {
+    forces: Vec<Wrench>,
+    impulses: Vec<Wrench>,
+    /// Gradients with respect to rotation and translation of the root frame (body axes).
+    turn: Vector3<f64>,
+    shift: Vector3<f64>,
+}
+
+impl Loads {
+    fn new(robot: &Robot) -> Self {
+        let [forces, impulses] = [(); 2].map(|()| vec![Wrench::default(); robot.links.len()]);
+        Self { forces, impulses, turn: Vector3::zeros(), shift: Vector3::zeros() }
     }
-    kinematics(robot, state, data);
-    if moving {
-        let (q, qd) = robot.split(state);
-        velocities(robot, &qd.to_local(robot, q).0, data);
-    }
-    let r = data.rotation[0];
-    let o = data.origin + data.position[0];
-    let mut loads = vec![Wrench::default(); robot.links.len()];
-    // Gradients with respect to rotation and translation of the root frame (body axes).
-    let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
-    let count = contacts.len();
-    let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
-    let [speeds, nears] = if moving { [take(3 * count), take(2 * count)] } else { [&[][..]; 2] };
-    let mut impulses = vec![Wrench::default(); robot.links.len()];
-    let three = |all: &[f64], k: usize| vector(&all[3 * k..]);
-    for (k, (event, point)) in contacts.iter().zip(&robot.contact_points).enumerate() {
-        if event.distance >= point.threshold() {
-            continue;
-        }
-        let (by_normal, by_place) = (three(normals, k), three(places, k));
-        turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
-        shift -= by_place;
-        // The nearest surface point follows the contact point along the surface.
-        let by_p1 = r * by_place;
-        let mut by_depth = depths[k];
-        if moving {
-            let at = event.p0 - data.origin;
-            let by_speed = three(speeds, k);
-            let velocity = data.velocity[point.link].at(&at);
-            let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
-            let [now, later] =
-                [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearness_gradient(gap(ahead)));
-            let by_closing = later * frame_time;
-            by_depth += now + later;
-            let along = r * by_speed + event.normal * by_closing;
-            impulses[point.link] += Wrench::force_at(along, &at);
-            quickened(robot, data, point.link, &at, &along, gradient);
-            // A floating root's velocity is expressed in axes that rotate with it.
-            turn += if robot.floating() {
-                r.tr_mul(&velocity.cross(&event.normal)) * by_closing
-            } else {
-                by_speed.cross(&r.tr_mul(&velocity))
-            };
-        }
-        let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
-        push(data, point, event, force, &mut loads);
-    }
-    take(joints);
-    let by_gravity = three(take(3), 0);
-    for link in 1..if moving { loads.len() } else { 0 } {
-        for (column, by) in data.rotation[link].column_iter().zip([take(3), take(3)]) {
-            let axis = column.into_owned();
-            let by = vector(by);
-            turn += by.cross(&r.tr_mul(&axis));
-            loads[link].ang += axis.cross(&(r * by));
+
+    /// Adds the gradient through the contact events. That of velocities with respect to the joints goes to `gradient`.
+    fn back_through_contacts(
+        &mut self,
+        robot: &Robot,
+        seen: &Seen,
+        data: &Data,
+        rest: &mut Rest,
+        gradient: &mut [f64],
+    ) {
+        let r = data.rotation[0];
+        let o = data.origin + data.position[0];
+        let count = seen.contacts.len();
+        let [normals, places, depths] = [rest.take(3 * count), rest.take(3 * count), rest.take(count)];
+        let [speeds, nears] = if seen.moving() { [rest.take(3 * count), rest.take(2 * count)] } else { [&[][..]; 2] };
+        let three = |all: &[f64], k: usize| vector(&all[3 * k..]);
+        for (k, (event, point)) in seen.contacts.iter().zip(&robot.contact_points).enumerate() {
+            if event.distance >= point.threshold() {
+                continue;
+            }
+            let (by_normal, by_place) = (three(normals, k), three(places, k));
+            self.turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
+            self.shift -= by_place;
+            // The nearest surface point follows the contact point along the surface.
+            let by_p1 = r * by_place;
+            let mut by_depth = depths[k];
+            if seen.moving() {
+                let [now, later] = [nears[k], nears[count + k]];
+                by_depth += self.back_through_speed(
+                    (robot, seen, data),
+                    (event, point),
+                    (three(speeds, k), now, later),
+                    gradient,
+                );
+            }
+            let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
+            push(data, point, event, force, &mut self.forces);
         }
     }
-    turn += by_gravity.cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));
-    let at = o - data.origin;
-    loads[0] += Wrench::force_at(r * shift, &at);
-    loads[0].ang += r * turn;
-    wrenches_back(robot, data, &mut loads, gradient);
-    wrenches_back(robot, data, &mut impulses, &mut gradient[nv..]);
+
+    /// Adds the gradient through a contact point's velocity, and through its nearness `now` and one frame `later`.
+    /// Returns the gradient with respect to its distance.
+    fn back_through_speed(
+        &mut self,
+        (robot, seen, data): (&Robot, &Seen, &Data),
+        (event, point): (&ContactEvent, &ContactPoint),
+        (by_speed, by_now, by_later): (Vector3<f64>, f64, f64),
+        gradient: &mut [f64],
+    ) -> f64 {
+        let r = data.rotation[0];
+        let at = event.p0 - data.origin;
+        let velocity = data.velocity[point.link].at(&at);
+        let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
+        let now = by_now * nearness_gradient(gap(0.0));
+        let later = by_later * nearness_gradient(gap(seen.frame_time));
+        let by_closing = later * seen.frame_time;
+        let along = r * by_speed + event.normal * by_closing;
+        self.impulses[point.link] += Wrench::force_at(along, &at);
+        quickened(robot, data, point.link, &at, &along, gradient);
+        // A floating root's velocity is expressed in axes that rotate with it.
+        self.turn += if robot.floating() {
+            r.tr_mul(&velocity.cross(&event.normal)) * by_closing
+        } else {
+            by_speed.cross(&r.tr_mul(&velocity))
+        };
+        now + later
+    }
+
+    /// Adds the gradient through the axes of links.
+    fn back_through_axes(&mut self, data: &Data, rest: &mut Rest) {
+        let r = data.rotation[0];
+        for link in 1..self.forces.len() {
+            for (column, by) in data.rotation[link].column_iter().zip([rest.take(3), rest.take(3)]) {
+                let axis = column.into_owned();
+                let by = vector(by);
+                self.turn += by.cross(&r.tr_mul(&axis));
+                self.forces[link].ang += axis.cross(&(r * by));
+            }
+        }
+    }
+
+    /// Adds the gradient through the direction of gravity, and moves the gradients of the root frame to its link.
+    fn back_through_root(&mut self, seen: &Seen, data: &Data, by_gravity: &Vector3<f64>) {
+        let r = data.rotation[0];
+        let down = seen.gravity / seen.gravity.norm().max(f64::MIN_POSITIVE);
+        self.turn += by_gravity.cross(&r.tr_mul(&down));
+        let o = data.origin + data.position[0];
+        self.forces[0] += Wrench::force_at(r * self.shift, &(o - data.origin));
+        self.forces[0].ang += r * self.turn;
+    }
 }
 
 /// Adds the gradient of `along . v`, v the velocity of a link's point at `x`, with respect to the link's joints. For a

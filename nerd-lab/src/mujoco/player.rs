@@ -100,25 +100,8 @@ fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs() / most).fold(0.0, f64::max)
 }
 
-/// Plays one episode in each environment of `episodes`, from its start, with the policy in the file `onnx`. The solver
-/// of `episodes` must be analytic, or not have been stepped.
-pub fn play(
-    python: &Path,
-    model: Model,
-    onnx: &Path,
-    contract: &Contract,
-    policy: &Policy,
-    mut episodes: Episodes,
-) -> Result<Played> {
-    if let Some(unknown) = contract.unknown().first() {
-        bail!(
-            "a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here",
-            contract.task
-        );
-    }
-    let batch = &episodes.simulation.batch;
-    let n = episodes.len();
-    let joints = batch.system.robot.joint_count();
+/// First message to the player: policy, contract, starts, robot and scene.
+fn opening(model: Model, onnx: &Path, contract: &Contract, batch: &Batch) -> Result<serde_json::Value> {
     let mut first = json!({ "onnx": onnx, "contract": contract, "starts": all_to_mujoco(batch) });
     match model {
         Model::Ours => {
@@ -132,6 +115,53 @@ pub fn play(
             first["planes"] = planes.collect();
         }
     }
+    Ok(first)
+}
+
+/// Observation and action of a step, then torques and the state after them for each of its frames, as in [`Frame`].
+type Answer = (Vec<f64>, Vec<f64>, Vec<(Vec<f64>, Option<Vec<f64>>)>);
+
+/// Asks for a step of the live games, and refuses an answer that does not fit the contract.
+fn ask(python: &mut Python, message: &serde_json::Value, contract: &Contract, joints: usize) -> Result<Vec<Answer>> {
+    let answers: Vec<Answer> = python.ask(message)?;
+    let fits = |(observed, action, frames): &Answer| {
+        observed.len() == contract.observation.len()
+            && action.len() == contract.action.len()
+            && frames.len() == contract.frames_per_action as usize
+            && frames.iter().all(|frame| frame.0.len() == joints)
+    };
+    if !answers.iter().all(fits) {
+        bail!("the Python of MuJoCo answered with other numbers than the contract has");
+    }
+    Ok(answers)
+}
+
+/// Refuses a policy that its contract alone does not describe.
+fn by_contract(contract: &Contract) -> Result<()> {
+    if let Some(unknown) = contract.unknown().first() {
+        bail!(
+            "a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here",
+            contract.task
+        );
+    }
+    Ok(())
+}
+
+/// Plays one episode in each environment of `episodes`, from its start, with the policy in the file `onnx`. The solver
+/// of `episodes` must be analytic, or not have been stepped.
+pub fn play(
+    python: &Path,
+    model: Model,
+    onnx: &Path,
+    contract: &Contract,
+    policy: &Policy,
+    mut episodes: Episodes,
+) -> Result<Played> {
+    by_contract(contract)?;
+    let batch = &episodes.simulation.batch;
+    let n = episodes.len();
+    let joints = batch.system.robot.joint_count();
+    let first = opening(model, onnx, contract, batch)?;
     let mut python = Python::start(python, PLAYER)?;
     let mut played = Played { versions: python.ask(&first)?, ..Played::default() };
     let heard = Arc::new(Mutex::new(Heard::default()));
@@ -149,13 +179,7 @@ pub fn play(
             break;
         }
         let goals = live.iter().map(|env| episodes.view(*env).goal).collect_vec();
-        type Answer = (Vec<f64>, Vec<f64>, Vec<(Vec<f64>, Option<Vec<f64>>)>);
-        let answers: Vec<Answer> = python.ask(&json!({ "live": live, "goals": goals }))?;
-        if answers.iter().any(|(o, a, f)| {
-            o.len() != seen || a.len() != width || f.len() != frames || f.iter().any(|f| f.0.len() != joints)
-        }) {
-            bail!("the Python of MuJoCo answered with other numbers than the contract has");
-        }
+        let answers = ask(&mut python, &json!({ "live": live, "goals": goals }), contract, joints)?;
         let own = actor.mean(&running.stack.rows);
         let mut actions = vec![0.0; n * width];
         let mut all = vec![vec![None; n]; frames];

@@ -4,7 +4,7 @@ use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap, hash_map::Entry};
 use std::ops::Range;
 
-use syn::{BinOp, Expr, Lit, RangeLimits, UnOp, spanned::Spanned};
+use syn::{BinOp, Expr, ExprBinary, ExprLit, Lit, RangeLimits, UnOp, spanned::Spanned};
 
 use nerd_sim::files::renamed::{self, Kind};
 
@@ -135,17 +135,7 @@ impl<'a> Reader<'a> {
         let value = match read {
             Expr::Paren(inner) => self.expression(&inner.expr)?,
             Expr::Group(inner) => self.expression(&inner.expr)?,
-            Expr::Lit(lit) => {
-                let number = match &lit.lit {
-                    Lit::Int(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
-                    Lit::Float(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
-                    _ => return wrong("a text stands in [..] or place(..) alone".into()),
-                };
-                match number.filter(|x| x.is_finite()) {
-                    Some(x) => plain(vec![x.into()]),
-                    None => return wrong("not a number".into()),
-                }
-            }
+            Expr::Lit(lit) => plain(vec![literal(lit)?.into()]),
             Expr::Unary(unary) => {
                 let inner = self.expression(&unary.expr)?;
                 match unary.op {
@@ -154,23 +144,7 @@ impl<'a> Reader<'a> {
                     _ => return wrong("`*` before a name means nothing here".into()),
                 }
             }
-            Expr::Binary(both) => {
-                let (a, b) = (self.expression(&both.left)?, self.expression(&both.right)?);
-                let f: fn(Traced<'a>, Traced<'a>) -> Traced<'a> = match both.op {
-                    BinOp::Add(_) => |a, b| a + b,
-                    BinOp::Sub(_) => |a, b| a - b,
-                    BinOp::Mul(_) => |a, b| a * b,
-                    BinOp::Div(_) => |a, b| a / b,
-                    BinOp::Lt(_) => |a, b| a.below(b),
-                    BinOp::Gt(_) => |a, b| b.below(a),
-                    BinOp::Le(_) => |a, b| Traced::from(1.0) - b.below(a),
-                    BinOp::Ge(_) => |a, b| Traced::from(1.0) - a.below(b),
-                    BinOp::And(_) => Number::min,
-                    BinOp::Or(_) => Number::or,
-                    _ => return wrong("of operators there are + - * / < > <= >= && || !".into()),
-                };
-                paired(a, b, f).map_err(|said| (both.right.span(), said))?
-            }
+            Expr::Binary(both) => self.binary(both)?,
             Expr::Array(list) => {
                 let parts = list.elems.iter().map(|part| self.expression(part)).collect::<Said<Vec<_>>>()?;
                 plain(parts.into_iter().flat_map(|part| part.numbers).collect())
@@ -203,6 +177,24 @@ impl<'a> Reader<'a> {
             ));
         }
         Ok(value)
+    }
+
+    fn binary(&self, both: &ExprBinary) -> Said<Value<'a>> {
+        let (a, b) = (self.expression(&both.left)?, self.expression(&both.right)?);
+        let f: fn(Traced<'a>, Traced<'a>) -> Traced<'a> = match both.op {
+            BinOp::Add(_) => |a, b| a + b,
+            BinOp::Sub(_) => |a, b| a - b,
+            BinOp::Mul(_) => |a, b| a * b,
+            BinOp::Div(_) => |a, b| a / b,
+            BinOp::Lt(_) => |a, b| a.below(b),
+            BinOp::Gt(_) => |a, b| b.below(a),
+            BinOp::Le(_) => |a, b| Traced::from(1.0) - b.below(a),
+            BinOp::Ge(_) => |a, b| Traced::from(1.0) - a.below(b),
+            BinOp::And(_) => Number::min,
+            BinOp::Or(_) => Number::or,
+            _ => return Err((both.span(), "of operators there are + - * / < > <= >= && || !".into())),
+        };
+        paired(a, b, f).map_err(|said| (both.right.span(), said))
     }
 
     fn word(&self, name: &str) -> Result<Value<'a>, String> {
@@ -356,4 +348,13 @@ fn nested(text: &str) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+fn literal(read: &ExprLit) -> Said<f64> {
+    let number = match &read.lit {
+        Lit::Int(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
+        Lit::Float(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
+        _ => return Err((read.span(), "a text stands in [..] or place(..) alone".into())),
+    };
+    number.filter(|x| x.is_finite()).ok_or_else(|| (read.span(), "not a number".into()))
 }
