@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use nerd_lab::experiments::Experiment;
-use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
+use nerd_cli::experiments::Experiment;
+use nerd_cli::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::chart::Chart;
 use nerd_model::{base::Base, transformer::Storage};
 use nerd_sim::prelude::*;

@@ -1,10 +1,11 @@
 //! Experiments on the smallest settings: measurements, refusals, and results on disk.
 
+use nerd_cli::experiments::passive::{Case, Passive, Protocol, Row, Rows};
+use nerd_cli::experiments::{Experiment, conduct};
+use nerd_cli::report::{Artifact, Table, write_json};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
-use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
-use nerd_lab::experiments::{Experiment, conduct, family::Family};
+use nerd_lab::experiments::{family::Family, worth::unworthy};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
-use nerd_lab::report::{Artifact, Table, write_json};
 use nerd_model::{base::Base, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};

@@ -1,8 +1,8 @@
 //! Policies played on solvers, models and robots of a family, and the terms of their rewards.
 
-use nerd_lab::experiments::games::{depend, games};
-use nerd_lab::experiments::{Experiment, policies};
-use nerd_lab::report::Inputs;
+use nerd_cli::experiments::games::{depend, games};
+use nerd_cli::experiments::{Experiment, policies};
+use nerd_cli::report::Inputs;
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
