@@ -8,7 +8,7 @@ use nerd_tasks::named;
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
 use nerd_train::spec::SolverSpec;
 
-use super::settings;
+use super::common::settings;
 
 fn policy(task: &str) -> (Shape, PpoConfig, Policy) {
     let (task, ppo) = (named(task).expect("registered"), PpoConfig::of(task).expect("settings"));

@@ -4,11 +4,10 @@ use std::path::Path;
 
 use nerd_cli::experiments::Experiment;
 use nerd_cli::experiments::calibrated::{CalibratedAll, Calibration, Runs};
-use nerd_lab::experiments::chart::Chart;
 use nerd_model::{base::Base, transformer::Storage};
 use nerd_sim::prelude::*;
 
-use super::{models, refusal};
+use super::{common, models, refusal};
 
 #[test]
 fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
@@ -119,17 +118,7 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
 fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
-    let urdf = r#"<robot name="dry"><link name="a"/><link name="b"><inertial><origin xyz="0 0 -0.2"/><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
-        ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/><dynamics friction="0.05"/></joint></robot>"#;
-    file("dry.urdf", urdf);
-    let mut chart = Chart::default();
-    (chart.robot, chart.trajectories, chart.frames, chart.max_substeps) =
-        (folder.path().join("dry.urdf").display().to_string(), 1, 2, 4);
-    chart.about().expect("a chart");
-    let measured = chart.measure().expect("a chart");
-    let series: Vec<_> = measured.tables[0].rows.iter().map(|row| row[0].clone()).collect();
-    assert!(series.len() > 1 && series.iter().all(|s| s.starts_with("articulated")), "{series:?}");
-
+    file("dry.urdf", common::DRY);
     file(
         "dry.log.toml",
         "file = \"dry.csv\"\nrobot = \"dry.urdf\"\nscene = \"free\"\ntrajectory = \"n\"\ntime = \"t\"\n[[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\n",
