@@ -7,15 +7,8 @@ extern crate nerd_train;
 
 pub mod campaign;
 pub mod circles;
-pub mod describe;
-pub mod error;
 pub mod experiments;
-pub mod live;
 pub mod mujoco;
 pub mod page;
-mod panics;
-pub mod paper;
 mod prelude;
 pub mod report;
-mod roll;
-pub mod survey;

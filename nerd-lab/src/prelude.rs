@@ -12,10 +12,8 @@ pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 pub(crate) use nerd_train::progress::{self, bar};
 pub(crate) use nerd_train::spec::SolverSpec;
-pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean, stats::percentile};
-pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
+pub(crate) use nerd_train::{device::Device, settings::settings, shipped, stats::mean, stats::percentile};
+pub(crate) use serde::{Deserialize, Serialize};
 
-pub(crate) use crate::experiments::{About, Experiment, Measured, Timed, built_for};
-pub(crate) use crate::report::{
-    Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write,
-};
+pub(crate) use nerd_cli::experiments::{About, Experiment, Measured, Timed, built_for};
+pub(crate) use nerd_cli::report::{Axis, Figure, Input, Inputs, Series, Style, Table, digits, or_dash, pair, write};

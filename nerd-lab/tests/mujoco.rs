@@ -3,9 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::experiments::{Experiment, carried::Carried};
-use nerd_lab::mujoco::player::{self, Gaps, Model, Played};
-use nerd_lab::mujoco::{Referee, Scheme, apart, compare, from_mujoco, to_mujoco};
+use nerd_cli::experiments::{Experiment, carried::Carried};
+use nerd_cli::mujoco::player::{self, Gaps, Model, Played};
+use nerd_cli::mujoco::{apart, compare, from_mujoco, to_mujoco};
+use nerd_lab::mujoco::{Referee, Scheme};
 use nerd_sim::{mjcf::mjcf, prelude::*};
 use nerd_tasks::named;
 use nerd_train::onnx::export;

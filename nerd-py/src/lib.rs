@@ -48,6 +48,6 @@ mod _nerd {
     /// Runs the `nerd` command line with these arguments; returns the exit code.
     #[pyfunction]
     fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
-        py.detach(|| xtask::call(words))
+        py.detach(|| nerd_cli::call::call::<nerd_cli::verbs::Package>(words))
     }
 }

@@ -19,6 +19,8 @@ def test_the_command_line_is_the_module(root):
     assert any("ant" in row.values() for row in rows)
     wrong = subprocess.run([sys.executable, "-m", "nerd", "list", "nothing"], cwd=root, capture_output=True, text=True)
     assert wrong.returncode == 2 and wrong.stderr.count("\n") == 1 and wrong.stderr.startswith("error: ")
+    private = subprocess.run([sys.executable, "-m", "nerd", "chart"], cwd=root, capture_output=True, text=True)
+    assert private.returncode == 2 and private.stderr.count("\n") == 1 and "a checkout of the project alone" in private.stderr
     with pytest.raises(ValueError) as error:
         nerd.run("evaluate", robot="aunt")
     assert "aunt" in str(error.value) and "\n" not in str(error.value)

@@ -1,9 +1,10 @@
 //! `cargo xtask fuzz --cases 200000 --kinds mjcf --seed 3`: fuzzes the readers of files with
 //! [`nerd_lab::campaign`].
 
+use nerd_cli::out::tables;
 use nerd_lab::campaign::Campaign;
 
-use crate::{out::tables, prelude::*};
+use crate::prelude::*;
 
 pub fn run(keys: Keys<Campaign>) -> Result<()> {
     let campaign = keys.settings()?;

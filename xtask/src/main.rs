@@ -1,4 +1,4 @@
-//! The program; `python -m nerd` calls the same library.
+//! The program.
 
 use std::process::ExitCode;
 

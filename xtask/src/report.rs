@@ -1,9 +1,10 @@
 //! `cargo xtask report`: writes all results as one HTML file.
 
+use nerd_cli::{options::FRAMES, out};
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
 
-use crate::{options::FRAMES, out, prelude::*};
+use crate::prelude::*;
 
 #[derive(clap::Args)]
 pub struct ReportArgs {

@@ -4,12 +4,13 @@
 //!
 //! Results go to `out/reproduce`; `--out results` replaces the committed results.
 
-use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
-use nerd_lab::{experiments::chart::Chart, report::Artifact};
+use nerd_cli::experiments::passive::{Case, Passive, Protocol, Rows};
+use nerd_cli::options::{DEVICES, SEEDS, STARTS};
+use nerd_cli::{out::conduct, report::Artifact};
+use nerd_lab::experiments::chart::Chart;
 use nerd_train::shipped;
 
-use crate::options::{DEVICES, SEEDS, STARTS};
-use crate::{out::conduct, prelude::*};
+use crate::prelude::*;
 
 /// Charts to draw, as (robot, scene).
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];

@@ -2,10 +2,10 @@
 
 use std::process::Command;
 
-use nerd_lab::experiments::passive::unworthy;
-use nerd_lab::report::manifest::{Manifest, Status};
+use nerd_cli::report::{Table, write};
+use nerd_lab::experiments::worth::unworthy;
 use nerd_lab::report::marks::{Marks, documents, unmarked};
-use nerd_lab::report::{Table, write};
+use nerd_lab::report::{Manifest, Status};
 use nerd_train::shipped::{models, root};
 
 use crate::prelude::*;
@@ -53,7 +53,7 @@ fn list(manifest: &Manifest) -> Result<()> {
     let strangers = manifest.strangers(&results()).into_iter();
     let strangers = strangers.map(|name| [name, "not in the manifest".into(), String::new(), String::new()]);
     let rows = made.chain(strangers);
-    crate::out::table(&Table::new("results", ["result", "status", "what it shows", "made by"]).with(rows));
+    nerd_cli::out::table(&Table::new("results", ["result", "status", "what it shows", "made by"]).with(rows));
     Ok(())
 }
 

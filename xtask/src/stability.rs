@@ -1,8 +1,9 @@
 //! `cargo xtask stability`: shows where each method passes, degrades and fails. Some methods are expected to fail.
 
+use nerd_cli::{options::DEVICES, out::conduct};
 use nerd_lab::experiments::stability::Stability;
 
-use crate::{options::DEVICES, out::conduct, prelude::*};
+use crate::prelude::*;
 
 #[derive(clap::Args)]
 pub struct StabilityArgs {

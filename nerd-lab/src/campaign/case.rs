@@ -68,7 +68,7 @@ impl Kind {
         let toml = |dice: &mut Dice, text: &str| edited(dice, Dictionary::toml(), text);
         let one = |name: &str, bytes: Vec<u8>| vec![(name.to_string(), bytes)];
         let read = |folder: &Path, name: &str| {
-            std::fs::read(folder.join(name)).map_err(crate::error::file(&folder.join(name)))
+            std::fs::read(folder.join(name)).map_err(nerd_cli::error::file(&folder.join(name)))
         };
         Ok(match self {
             Self::Mjcf => one("robot.xml", changed(dice, &MJCF)?),

@@ -15,8 +15,8 @@ use std::sync::{Mutex, PoisonError};
 
 use strum::VariantArray;
 
-use crate::panics::{caught, silent};
 use crate::prelude::*;
+use nerd_cli::panics::{caught, silent};
 
 pub use case::{Kind, Outcome};
 pub use found::Found;

@@ -1,16 +1,7 @@
-//! MuJoCo as an optional reference: a Python with MuJoCo is started on demand.
+//! MuJoCo beside our solvers: on charts, and in the stability suite.
 
-mod accelerations;
-mod compiled;
-pub mod player;
 mod referee;
-mod settings;
 mod solver;
-mod standing;
 
-pub use accelerations::apart;
-pub use compiled::{Compared, compare};
-pub use referee::{Referee, Scheme, from_mujoco, to_mujoco};
-pub use settings::Settings;
+pub use referee::{Referee, Scheme};
 pub use solver::Mujoco;
-pub use standing::stand;

@@ -1,18 +1,13 @@
 //! MuJoCo as a reference engine on the same robot. It is optional: a Python with MuJoCo is started on demand, receives
 //! a model and start states, and returns rollouts.
 
-use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-
-use nerd_core::dynamics::{to_local, to_world};
-use nerd_core::state::wrap_state;
+use nerd_cli::mujoco::{Python, REFEREE, all_to_mujoco, from_mujoco};
 use nerd_sim::mjcf::mjcf;
 use nerd_train::evaluate::Held;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::prelude::*;
 
-pub(super) const REFEREE: &str = include_str!("referee.py");
 const WARP: &str = include_str!("warp.py");
 /// Value of every coordinate of a state that MuJoCo has given up. It lies above the bound for divergence.
 const GONE: f64 = 2e5;
@@ -43,7 +38,7 @@ pub struct Referee {
     /// Number of worlds stepped together in a timed run on a GPU; 0 on the CPU.
     worlds: usize,
     robot: Robot,
-    pub(super) python: Python,
+    python: Python,
 }
 
 impl Referee {
@@ -80,7 +75,7 @@ impl Referee {
     }
 
     pub fn process(&self) -> u32 {
-        self.python.child.id()
+        self.python.process()
     }
 
     /// Rolls out all starts with `substeps` steps of `integrator` a frame.
@@ -94,98 +89,5 @@ impl Referee {
             frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(),
             seconds,
         })
-    }
-}
-
-// Our states differ from MuJoCo's only for a floating root. Ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p
-// x w]` in world axes. MuJoCo's is `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
-
-/// Converts a state `[q, qd]` to MuJoCo's `[qpos, qvel]`.
-pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
-    let mut out = state.to_vec();
-    if robot.floating() {
-        let (q, qd) = out.split_at_mut(robot.nq());
-        to_local(robot, q, qd);
-        let w = quaternion(&q[3..7]).inverse() * vector(&qd[..3]);
-        let velocity = vector(&qd[3..6]);
-        q[3..7].rotate_right(1);
-        qd[..3].copy_from_slice(velocity.as_slice());
-        qd[3..6].copy_from_slice(w.as_slice());
-    }
-    out
-}
-
-/// Converts the states `[q, qd]` of all environments to MuJoCo's `[qpos, qvel]`.
-pub fn all_to_mujoco(batch: &Batch) -> Vec<Vec<f64>> {
-    (0..batch.len()).map(|env| to_mujoco(&batch.system.robot, batch.state(env))).collect()
-}
-
-/// Converts MuJoCo's `[qpos, qvel]` to a state `[q, qd]`, with angles of unlimited joints wrapped.
-pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
-    let mut out = state.to_vec();
-    if robot.floating() {
-        let (q, qd) = out.split_at_mut(robot.nq());
-        q[3..7].rotate_left(1);
-        let velocity = vector(&qd[..3]);
-        let w = quaternion(&q[3..7]) * vector(&qd[3..6]);
-        qd[..3].copy_from_slice(w.as_slice());
-        qd[3..6].copy_from_slice(velocity.as_slice());
-        to_world(robot, q, qd);
-    }
-    wrap_state(robot, &mut out);
-    out
-}
-
-pub struct Python {
-    child: Child,
-    input: ChildStdin,
-    output: BufReader<ChildStdout>,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Said<A> {
-    Error { error: String },
-    Answer { answer: A },
-}
-
-impl Python {
-    pub fn start(python: &Path, script: &str) -> Result<Self> {
-        let cannot = || format!("cannot start `{}` as a Python with MuJoCo", python.display());
-        let mut command = Command::new(python);
-        command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
-        let mut child = command.spawn().with_context(cannot)?;
-        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else {
-            bail!("{}: it has no pipes", cannot())
-        };
-        Ok(Self { child, input, output: BufReader::new(output) })
-    }
-
-    /// Starts MuJoCo with a `model` (`mjcf` or `path`, and `frame_time`), without start states.
-    pub fn of_model(python: &Path, mut model: Value) -> Result<Self> {
-        model["frames"] = json!(0);
-        model["starts"] = json!([]);
-        let mut python = Self::start(python, REFEREE)?;
-        python.ask::<String>(&model)?;
-        Ok(python)
-    }
-
-    pub fn ask<A: DeserializeOwned>(&mut self, question: &Value) -> Result<A> {
-        // Ignores a failed write: a process that has ended left its error on standard output, which is read next.
-        let _ = writeln!(self.input, "{question}");
-        let mut line = String::new();
-        self.output.read_line(&mut line).context("cannot hear MuJoCo")?;
-        match serde_json::from_str(&line) {
-            Ok(Said::Error { error }) => bail!(error.split_whitespace().join(" ")),
-            Ok(Said::Answer { answer }) => Ok(answer),
-            Err(_) => bail!("the Python of MuJoCo ended without an answer"),
-        }
-    }
-}
-
-impl Drop for Python {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
     }
 }

@@ -1,10 +1,11 @@
 //! MuJoCo as a solver for the stability suite. It loads the MJCF that we write, with MuJoCo's default contacts and our
 //! friction of each pair. Charts use [`super::Referee`] instead, which times whole rollouts without Python's share.
 
-use nerd_sim::solver::{Fault, check, commit};
+use nerd_cli::mujoco::{Python, all_to_mujoco, take};
+use nerd_sim::solver::{check, commit};
 use serde_json::json;
 
-use super::referee::{Python, Scheme, all_to_mujoco, from_mujoco};
+use super::referee::Scheme;
 use crate::prelude::*;
 
 /// Steps all environments of a batch with one MuJoCo model; they must share a scene and have no drives.
@@ -57,15 +58,5 @@ impl Solver for Mujoco {
         let mut states = batch.states.clone();
         answers.into_iter().enumerate().for_each(|(env, state)| take(batch, env, state, &mut states, &mut faults));
         commit(batch, &mut states, &mut faults)
-    }
-}
-
-/// Stores MuJoCo's `state` of environment `env` in `states`; if MuJoCo gave it up, adds a fault.
-pub(super) fn take(batch: &Batch, env: usize, state: Option<Vec<f64>>, states: &mut [f64], faults: &mut Vec<Fault>) {
-    let robot = &batch.system.robot;
-    let d = batch.system.robot.state_dim();
-    match state {
-        Some(state) => states[env * d..][..d].copy_from_slice(&from_mujoco(robot, &state)),
-        None => faults.push(Fault { env, frame: batch.frames[env], reason: "MuJoCo gave it up".into() }),
     }
 }

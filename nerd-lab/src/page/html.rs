@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::report::{Artifact, Provenance, Table};
+use nerd_cli::report::{Artifact, Provenance, Table};
 use nerd_train::replay::{Replay, escape, script};
 
 /// A titled section of the page, and the link to it.

@@ -2,7 +2,7 @@
 //! self-contained, so it can be sent and kept.
 
 mod html;
-pub mod motions;
+mod motions;
 mod sections;
 
 use nerd_train::progress::Bar;

@@ -1,24 +1,17 @@
-//! Replays motions in a learned model and in its truth, the solver that made the model's dataset. Motions are passive,
-//! driven by random torques as in the dataset, or controlled by a policy.
+//! Motions of shipped robots and policies, in a learned model and in its truth. Motions are passive, driven by random
+//! torques as in the dataset, or controlled by a policy.
 
-use nerd_model::solver::learned;
+use nerd_cli::motions::{model_and_truth, passive, side_by_side};
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::replay::{self, Replay};
 use nerd_train::shipped::{model, policies};
 
-use crate::{prelude::*, roll::begun};
+use crate::prelude::*;
 
 /// Seed that no dataset uses: no model was trained on its motions.
 const UNSEEN: u64 = 500;
-
-/// Loads the solvers of a model and of its truth, each with its name.
-fn model_and_truth(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>); 2]> {
-    let truth = ModelConfig::truth_of(model)?;
-    let model = learned(Model::load(model, system, None)?, system)?;
-    Ok([("NeRD".into(), model), (format!("the truth, {}", truth.name()), truth.solver(system))])
-}
 
 /// What moves the robot of a replay.
 #[derive(Clone, Copy)]
@@ -48,14 +41,6 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     }
 }
 
-/// Replays a passive motion in a model and in its truth. Both begin at one state, drawn from the robot's reset ranges.
-pub fn passive(robot: &str, scene: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
-    let system = System::named(robot)?;
-    let batch = begun(&system, &system.scene(scene)?, 1, Start::Reset, seed);
-    let title = format!("{} in {}", system.name, batch.scenes[0].name);
-    side_by_side(&title, &batch, model, &vec![0.0; frames * system.robot.joint_count()], frames)
-}
-
 /// Replays in a model and in its truth a motion driven by random torques, as in the model's dataset. [`begin`] draws
 /// the start and scene from `seed`, and [`record`] draws the torques.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
@@ -65,23 +50,6 @@ pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Rep
     let title = format!("{}, moved at random", system.name);
     let batch = begin(&system, &config, 0, 1)?;
     side_by_side(&title, &batch, model, &recording.torques, frames)
-}
-
-/// Rolls out a model and its truth from one start state, under `torques[frame][joint]` (N m or N).
-fn side_by_side(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usize) -> Result<Replay> {
-    let system = &start.system;
-    let mut replay = Replay::new(title, start, system.frame_time);
-    let joints = system.robot.joint_count();
-    for (name, solver) in model_and_truth(system, model)? {
-        let mut simulation = Simulation { batch: start.clone(), solver };
-        replay.begin(&name);
-        for frame in 0..frames {
-            replay.add(&simulation.batch);
-            simulation.step(&torques[frame * joints..][..joints])?;
-        }
-    }
-    replay.compare(&system.robot);
-    Ok(replay)
 }
 
 /// Replays the first `steps` steps of an episode under a policy's mean actions, in a model and in its truth.

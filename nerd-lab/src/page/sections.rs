@@ -6,9 +6,10 @@ use nerd_suite::{Cell, Line};
 use nerd_train::replay::{Replay, escape};
 
 use super::html::{Section, card, folded, from, picture, result, table};
+use crate::experiments::stability::StabilityMap;
 use crate::report::manifest::{Entry, Manifest};
-use crate::report::{Artifact, digits, or_dash};
-use crate::{experiments::passive::Rows, experiments::stability::StabilityMap};
+use nerd_cli::experiments::passive::Rows;
+use nerd_cli::report::{Artifact, digits, or_dash};
 
 pub fn scorecard(results: &Path) -> Section {
     Section::new(

@@ -1,10 +1,9 @@
 //! Reads `results/manifest.toml`, which lists every result with its command. Checks whether each result still holds.
 
-use super::artifact::{Artifact, file};
-use super::names;
-use crate::prelude::*;
+use nerd_cli::error;
+use nerd_cli::report::{Artifact, file, names};
 
-use crate::error;
+use crate::prelude::*;
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -7,10 +7,12 @@
 //! <!-- /table -->
 //! ```
 
+use nerd_cli::report::Artifact;
 use serde_json::Value;
 
-use super::{artifact::Artifact, below};
+use super::below;
 use crate::prelude::*;
+
 const FIGURE: (&str, &str) = ("<!--= ", "<!--/-->");
 const TABLE: (&str, &str) = ("<!-- table ", "<!-- /table -->");
 

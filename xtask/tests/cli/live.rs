@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nerd_lab::live::{Act, Ask, Live, Shown, World};
+use nerd_cli::live::{Act, Ask, Live, Shown, World};
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::spec::SolverSpec;

@@ -1,6 +1,7 @@
 //! One text of a solver is one motion, wherever it is named.
 
-use nerd_lab::experiments::{calibrated::engine, stability::method};
+use nerd_cli::experiments::calibrated::engine;
+use nerd_lab::experiments::stability::method;
 use nerd_sim::prelude::*;
 use nerd_train::spec::SolverSpec;
 

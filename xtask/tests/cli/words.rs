@@ -8,7 +8,7 @@ use crate::{root, text};
 const WORDS: &str = include_str!("words.txt");
 
 /// Verbs, old options and new ones.
-const RENAMED: &str = include_str!("../../src/renamed.txt");
+const RENAMED: &str = include_str!("../../../nerd-cli/src/renamed.txt");
 
 /// Words of a name: `HeldForce`, `held_force` and `held-force` have the same two.
 fn words(name: &str) -> Vec<String> {

@@ -4,9 +4,9 @@ use nerd_sim::instruments::{Recorder, Replay};
 
 use super::plan::{Method, Plan};
 use super::shown::{ChartData, Point};
-#[cfg(feature = "cuda")]
-use crate::experiments::card;
 use crate::prelude::*;
+#[cfg(feature = "cuda")]
+use nerd_cli::experiments::card;
 use nerd_train::{cost::timed, spec::Method as Stepping};
 
 type Frames = Vec<Vec<f64>>;

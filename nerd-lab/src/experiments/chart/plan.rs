@@ -1,7 +1,8 @@
 //! A chart's settings, and the methods and scene that the settings name.
 
-use crate::roll::{begun, refusal};
-use crate::{describe::title, error::unused, prelude::*};
+use crate::prelude::*;
+use nerd_cli::roll::{begun, refusal};
+use nerd_cli::{describe::title, error::unused};
 use nerd_sim::articulated::device::has_kernels;
 use nerd_train::{cost::powers, spec::Method as Stepping, spec::RapierSpec};
 

@@ -3,7 +3,7 @@
 use nerd_train::evaluate::summary;
 
 use crate::prelude::*;
-use crate::report::{Mark, unbeaten};
+use nerd_cli::report::{Mark, unbeaten};
 
 #[derive(Serialize)]
 pub(super) struct ChartData {

@@ -11,7 +11,8 @@ use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::{Hold, Timed};
 use nerd_train::evaluate::{Pieces, summary, summary_names};
 
-use crate::{error::unused, prelude::*};
+use crate::prelude::*;
+use nerd_cli::error::unused;
 
 settings! {
     /// Settings: robots of a family under models conditioned on their parameters, or inferring them from frames seen.

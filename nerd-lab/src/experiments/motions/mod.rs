@@ -12,7 +12,8 @@ use nerd_sim::instruments::{Glide, Hold};
 use rayon::prelude::*;
 use rollout::{Recorded, Rollout, contact_points, distances};
 
-use crate::{describe::title, prelude::*};
+use crate::prelude::*;
+use nerd_cli::describe::title;
 use nerd_train::cost::{on_one_core, powers};
 
 settings! {

@@ -2,7 +2,7 @@
 
 use super::{MotionErrors, Motions};
 use crate::prelude::*;
-use crate::report::Mark;
+use nerd_cli::report::Mark;
 
 impl Motions {
     pub fn table(&self, data: &MotionErrors) -> Table {
