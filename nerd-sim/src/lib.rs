@@ -29,6 +29,7 @@ pub mod solver;
 pub mod system;
 #[cfg(feature = "csv")]
 pub mod table;
+pub mod trajectories;
 pub mod truth;
 pub mod vary;
 
