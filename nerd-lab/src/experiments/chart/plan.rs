@@ -3,7 +3,7 @@
 use crate::roll::{begun, refusal};
 use crate::{describe::title, error::unused, prelude::*};
 use nerd_sim::articulated::device::has_kernels;
-use nerd_train::{cost::powers, spec::Method as Stepping, spec::RapierSpec};
+use nerd_train::{comparison::Comparison, cost::powers, spec::Method as Stepping, spec::RapierSpec};
 
 settings! {
     /// Settings of a chart: speed against accuracy.
@@ -116,8 +116,9 @@ impl Plan {
         begun(&self.system, &self.scene, self.protocol.starts, Start::Reset, self.protocol.seed)
     }
 
-    pub fn errors(&self, truth: &mut dyn Solver, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
-        passive(&self.system, &self.scene, truth, solver, self.protocol, &mut |_| ())
+    /// Rolls out a truth from the chart's starts.
+    pub fn beside(&self, truth: Box<dyn Solver>) -> Result<Comparison<'_>, StepError> {
+        Comparison::with(truth, &self.system, &self.scene, self.protocol)
     }
 }
 
