@@ -1,6 +1,7 @@
 //! Gradients and updates on the GPU against the CPU, for windows and for rollouts.
 
 use nerd_model::chain::{Chain, ChainSolver};
+use nerd_sim::trajectories::Trajectories;
 use nerd_train::unroll::chain::{Cable, Loss, scales};
 use nerd_train::unroll::{Course, CudaUnrollLearner, UnrollLearner};
 
