@@ -9,7 +9,7 @@ pub(crate) use itertools::Itertools;
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
-pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
+pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 pub(crate) use nerd_train::progress::{self, bar};
 pub(crate) use nerd_train::spec::SolverSpec;
 pub(crate) use nerd_train::{device::Device, settings::settings, shipped, stats::mean, stats::percentile};

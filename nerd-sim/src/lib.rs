@@ -30,6 +30,7 @@ pub mod solver;
 pub mod system;
 #[cfg(feature = "csv")]
 pub mod table;
+pub mod trajectories;
 pub mod truth;
 pub mod vary;
 

@@ -8,6 +8,7 @@ macro_rules! tell {
 
 pub mod bounds;
 pub mod checkpoint;
+pub mod comparison;
 pub mod cost;
 pub mod device;
 pub mod difference;

@@ -124,13 +124,13 @@ impl Measured {
 
     /// Number of trajectories and of frames in the training part.
     pub fn size(&self) -> [usize; 2] {
-        [self.learned.len(), self.learned.iter().map(frames).sum()]
+        [self.learned.len(), self.learned.iter().map(Trajectory::frames).sum()]
     }
 
     /// Cuts a part into pieces of about `length` frames. At least 99 % of all sequences of `sequence` frames lie whole
     /// in one piece.
-    pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
-        let mut lengths = part.iter().map(frames).filter(|n| *n >= sequence).collect_vec();
+    pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Trajectories> {
+        let mut lengths = part.iter().map(Trajectory::frames).filter(|n| *n >= sequence).collect_vec();
         lengths.sort_unstable();
         let windows = |n: &usize| n + 1 - sequence;
         let mut left = lengths.iter().map(windows).sum::<usize>() / LOST;
@@ -145,56 +145,29 @@ impl Measured {
         Ok(self.log.recording(part, pieces, sequence - 1)?)
     }
 
-    /// The scene of the recording.
-    pub fn scene(&self) -> Result<Arc<Scene>> {
-        Ok(self.log.system.scene(&self.log.scene)?)
-    }
-
     /// Cuts at most `most` pieces for rollouts from a part. A piece has `before` frames of history, then `frames`
     /// frames. In each trajectory, pieces start `every` frames apart.
     pub fn pieces(&self, part: &[Trajectory], [before, frames, every]: [usize; 3], most: usize) -> Result<Pieces> {
         let length = before + frames;
-        let starts = part.iter().enumerate().flat_map(|(k, t)| {
-            let last = (t.states.len() - 1).checked_sub(length);
-            last.into_iter().flat_map(move |last| (0..=last).step_by(every.max(1)).map(move |first| (k, first)))
-        });
-        let starts = starts.collect_vec();
+        let starts = part.iter().flat_map(|t| t.starts(length, every).map(move |first| (t, first))).collect_vec();
         if starts.is_empty() {
-            let longest = part.iter().map(self::frames).max().unwrap_or(0);
+            let longest = part.iter().map(Trajectory::frames).max().unwrap_or(0);
             refuse!(
                 "`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer",
                 self.truth
             );
         }
-        let short = part.iter().filter(|t| self::frames(t) < length).count();
+        let short = part.iter().filter(|t| t.frames() < length).count();
         if short > 0 {
             tell!("{short} of {} trajectories have less than {length} frames, and no rollout", part.len());
         }
-        self.cut(part, &starts, [before, frames], most)
+        self.cut(&starts, [before, frames], most)
     }
 
-    /// Cuts at most `most` pieces at `starts`, each given as (trajectory, first frame) in the part.
-    fn cut(
-        &self,
-        part: &[Trajectory],
-        starts: &[(usize, usize)],
-        [before, frames]: [usize; 2],
-        most: usize,
-    ) -> Result<Pieces> {
-        let starts = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect_vec();
-        let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
-            (0..count)
-                .map(|frame| starts.iter().flat_map(|(k, first)| of(&part[*k], first + frame)).collect_vec())
-                .collect_vec()
-        };
-        Ok(Pieces {
-            system: self.log.system.clone(),
-            systems: Vec::new(),
-            scenes: vec![self.scene()?; starts.len()],
-            before,
-            states: rows(&|t, k| t.states[k].clone(), before + frames + 1),
-            torques: rows(&|t, k| t.torques[k].clone(), before + frames),
-        })
+    /// Cuts at most `most` pieces at `starts`, each given as trajectory and first frame.
+    fn cut(&self, starts: &[(&Trajectory, usize)], [before, frames]: [usize; 2], most: usize) -> Result<Pieces> {
+        let starts = starts.iter().step_by(starts.len().div_ceil(most.max(1))).copied();
+        Ok(Pieces { system: self.log.system.clone(), before, all: self.log.cut(starts, before + frames)? })
     }
 
     /// Held-out pieces whose rollouts begin at the first states of another log's trajectories. Also returns the other
@@ -220,23 +193,20 @@ impl Measured {
                 "--beside: two of its trajectories begin in one state, so it is not clear which of them goes on as what was held out"
             );
         }
-        let frames = frames.unwrap_or_else(|| median(others.values().map(|t| self::frames(t))));
-        let starts = self.held_out.iter().enumerate().flat_map(|(k, t)| {
-            let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
-            (before..last).map(move |first| (k, first))
-        });
-        let there = |(k, first): &(usize, usize)| {
-            others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames)
+        let frames = frames.unwrap_or_else(|| median(others.values().map(|t| t.frames())));
+        let starts = self.held_out.iter().flat_map(|t| t.starts(frames, 1).skip(before).map(move |first| (t, first)));
+        let there = |(t, first): &(&Trajectory, usize)| {
+            others.get(&key(&t.states[*first])).is_some_and(|t| t.frames() >= frames)
         };
-        let starts = starts.filter(there).map(|(k, first)| (k, first - before)).collect_vec();
+        let starts = starts.filter(there).map(|(t, first)| (t, first - before)).collect_vec();
         if starts.is_empty() {
             refuse!(
                 "--beside: none of its trajectories has {frames} frames from a state that was held out, {before} frames or more after its trajectory's start"
             );
         }
-        let pieces = self.cut(&self.held_out, &starts, [before, frames], most)?;
-        let d = self.log.system.robot.state_dim();
-        let of = pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect_vec();
+        let pieces = self.cut(&starts, [before, frames], most)?;
+        let start = |piece: usize| others.get(&key(pieces.all.state(piece, before))).copied();
+        let of = (0..pieces.count()).filter_map(start).collect_vec();
         let states = (1..=frames).map(|frame| of.iter().flat_map(|t| t.states[frame].clone()).collect()).collect();
         Ok((pieces, states))
     }
@@ -244,7 +214,7 @@ impl Measured {
     /// Cuts pieces to evaluate a network. A piece has the history that the network reads, then the robot's [`horizon`];
     /// both are shortened to fit into the median trajectory.
     pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
-        let most_have = median(part.iter().map(self::frames));
+        let most_have = median(part.iter().map(Trajectory::frames));
         let before = (network.reach() - 1).min(most_have / 2);
         let frames = horizon(&self.log.system.name).min(most_have - before);
         self.pieces(part, [before, frames, frames], most)
@@ -285,10 +255,6 @@ fn median(lengths: impl Iterator<Item = usize>) -> usize {
     lengths.get(lengths.len() / 2).copied().unwrap_or(0)
 }
 
-fn frames(trajectory: &Trajectory) -> usize {
-    trajectory.states.len() - 1
-}
-
 /// Sets apart every `every`-th trajectory name. With fewer than `every` names, sets apart the last `1 / every` of each
 /// trajectory.
 fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajectory>) {
@@ -299,13 +265,13 @@ fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajector
         return all.into_iter().partition(|t| !apart(t.id));
     }
     let ends = all.into_iter().map(|t| {
-        let at = frames(&t) - frames(&t) / every;
+        let at = t.frames() - t.frames() / every;
         let part = |range: std::ops::RangeInclusive<usize>| Trajectory {
             id: t.id,
             states: t.states[range.clone()].to_vec(),
             torques: t.torques[range].to_vec(),
         };
-        (part(0..=at), part(at..=frames(&t)))
+        (part(0..=at), part(at..=t.frames()))
     });
     ends.unzip()
 }

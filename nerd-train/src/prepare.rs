@@ -9,32 +9,26 @@ pub type MakeSolver<'a> = dyn Fn() -> Box<dyn Solver> + Sync + 'a;
 
 /// Tokens and targets of every frame of a recording, not normalised. Tokens come from sensor readings, targets from the
 /// true motion.
-pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
+pub fn tokens(system: &Arc<System>, recording: &Trajectories, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();
     let inputs = Features::inputs(system, form);
     let d = system.robot.state_dim();
-    let joints = system.robot.joint_count();
     let f = recording.frames;
-    let mut x = vec![0.0; recording.trajectories * f * inputs];
-    let mut y = vec![0.0; recording.trajectories * f * d];
+    let mut x = vec![0.0; recording.count * f * inputs];
+    let mut y = vec![0.0; recording.count * f * d];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * d)).enumerate();
     rows.for_each_init(
         || Features::new(system, form),
         |features, (trajectory, (x, y))| {
-            let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
-            let torques = &recording.torques[trajectory * f * joints..][..f * joints];
-            let shown = recording.shown.get(trajectory * f * d..).filter(|shown| !shown.is_empty()).unwrap_or(states);
-            let width = recording.drawn.len() / recording.trajectories;
+            let width = recording.drawn.len() / recording.count;
             features.tell(&recording.drawn[trajectory * width..][..width]);
             let gravity = vector(&recording.gravity[3 * trajectory..]);
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
-                let state = &states[frame * d..][..d];
-                let next = &states[(frame + 1) * d..][..d];
                 let events = events(system, recording, trajectory * f + frame);
-                let torques = &torques[frame * joints..][..joints];
-                features.token(&shown[frame * d..][..d], &events, torques, &gravity, x);
-                features.target(state, next, y);
+                let torques = recording.torques(trajectory, frame);
+                features.token(recording.seen(trajectory, frame), &events, torques, &gravity, x);
+                features.target(recording.state(trajectory, frame), recording.state(trajectory, frame + 1), y);
             }
         },
     );
@@ -42,7 +36,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
 }
 
 /// Contact events at the start of a frame.
-fn events(system: &System, recording: &Recording, row: usize) -> Vec<ContactEvent> {
+fn events(system: &System, recording: &Trajectories, row: usize) -> Vec<ContactEvent> {
     let points = system.robot.contact_points.len();
     let event = |i: usize| {
         let (p1, normal) = (vector(&recording.points[3 * i..]), vector(&recording.normals[3 * i..]));
@@ -80,7 +74,9 @@ pub fn generate(
     form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared> {
-    Ok(joined(recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?))
+    let shards = recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?;
+    let (windows, hashes): (Vec<_>, Vec<_>) = shards.into_iter().unzip();
+    Ok(Prepared { windows: joined(windows), sha256: sha256_of(hashes) })
 }
 
 /// Calls `make` with the first trajectory and the number of trajectories of every shard, in parallel. Results are in
@@ -125,38 +121,42 @@ pub fn read(
     form: impl Into<Form>,
 ) -> Result<Prepared, DatasetError> {
     let form = form.into();
-    let (manifest, shards) = opened(system, truth, folder, |manifest, name| {
-        let recording = manifest.shard(folder, name, system)?;
-        Ok((tokens(system, &recording, history, form), recording.sha256()))
+    let (shards, sha256) = opened(system, truth, folder, |manifest, name| {
+        let shard = manifest.shard(folder, name, system)?;
+        Ok((shard.sha256(), [shard.count, shard.frames], tokens(system, &shard, history, form)))
     })?;
-    let hashes = shards.iter().map(|s| s.1).collect_vec();
-    let prepared = joined(shards);
-    manifest.holds(folder, hashes, prepared.windows.trajectories(), prepared.windows.frames)?;
-    Ok(prepared)
+    Ok(Prepared { windows: joined(shards), sha256 })
 }
 
-/// The manifest of a data folder, and the result of `read` for each shard's name; shards are read in parallel.
+/// A shard's hash, its numbers of trajectories and frames, and what was made of it.
+type Opened<T> = ([u8; 32], [usize; 2], T);
+
+/// The results of `read` for each shard of a data folder, in order, and the hash of the folder's manifest. Shards are
+/// read in parallel.
 pub(crate) fn opened<T: Send>(
     system: &System,
     truth: &str,
     folder: &Path,
-    read: impl Fn(&Manifest, &str) -> Result<T, DatasetError> + Sync,
-) -> Result<(Manifest, Vec<T>), DatasetError> {
+    read: impl Fn(&Manifest, &str) -> Result<Opened<T>, DatasetError> + Sync,
+) -> Result<(Vec<T>, String), DatasetError> {
     let manifest = Manifest::read(folder)?;
     manifest.check(folder, system, truth)?;
-    let shards = manifest.shards.par_iter().map(|name| read(&manifest, name)).collect::<Result<_, _>>()?;
-    Ok((manifest, shards))
+    let shards: Vec<_> = manifest.shards.par_iter().map(|name| read(&manifest, name)).collect::<Result<_, _>>()?;
+    let count = shards.iter().map(|(_, [count, _], _)| count).sum();
+    let frames = shards.iter().map(|(_, [_, frames], _)| *frames).find(|frames| *frames != manifest.frames);
+    let frames = frames.unwrap_or(manifest.frames);
+    manifest.holds(folder, shards.iter().map(|(hash, ..)| *hash), count, frames)?;
+    Ok((shards.into_iter().map(|(.., made)| made).collect(), manifest.sha256))
 }
 
-fn joined(shards: Vec<(Windows, [u8; 32])>) -> Prepared {
-    let sha256 = sha256_of(shards.iter().map(|s| s.1));
-    let mut shards = shards.into_iter().map(|s| s.0);
+fn joined(shards: Vec<Windows>) -> Windows {
+    let mut shards = shards.into_iter();
     let mut windows = shards.next().unwrap_or_default();
     for shard in shards {
         windows.x.extend_from_slice(&shard.x);
         windows.y.extend_from_slice(&shard.y);
     }
-    Prepared { windows, sha256 }
+    windows
 }
 
 /// Moments of training windows; apply them with [`normalize`].

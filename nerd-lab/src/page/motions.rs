@@ -2,7 +2,7 @@
 //! torques as in the dataset, or controlled by a policy.
 
 use nerd_cli::motions::{model_and_truth, passive, side_by_side};
-use nerd_sim::dataset::{GenerateConfig, begin, record};
+use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, folder};
 use nerd_train::replay::{self, Replay};
@@ -41,15 +41,14 @@ pub fn shipped(robot: &str, cause: Cause, frames: usize) -> Result<Replay> {
     }
 }
 
-/// Replays in a model and in its truth a motion driven by random torques, as in the model's dataset. [`begin`] draws
-/// the start and scene from `seed`, and [`record`] draws the torques.
+/// Replays in a model and in its truth a motion driven by random torques, as in the model's dataset. [`record`] draws
+/// start, scene and torques from `seed`.
 pub fn driven(robot: &str, model: &Path, frames: usize, seed: u64) -> Result<Replay> {
     let system = System::named(robot)?;
     let config = GenerateConfig { transitions: frames, frames, seed, ..GenerateConfig::default() };
     let recording = record(&system, &mut *ModelConfig::truth_of(model)?.solver(&system), &config, 0, 1)?;
     let title = format!("{}, moved at random", system.name);
-    let batch = begin(&system, &config, 0, 1)?;
-    side_by_side(&title, &batch, model, &recording.torques, frames)
+    side_by_side(&title, &recording.begun(&system), model, &recording.torques, frames)
 }
 
 /// Replays the first `steps` steps of an episode under a policy's mean actions, in a model and in its truth.

@@ -74,10 +74,7 @@ impl Log {
         };
         let pieces = |t: &Trajectory| match length {
             0 => vec![cut(t, 0, t.states.len())],
-            _ => (0..(t.states.len() + 1).saturating_sub(length))
-                .step_by(every.max(1))
-                .map(|k| cut(t, k, length))
-                .collect(),
+            _ => t.starts(length - 1, every).map(|k| cut(t, k, length)).collect(),
         };
         self.trajectories.iter().flat_map(pieces).collect()
     }

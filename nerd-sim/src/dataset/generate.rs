@@ -7,9 +7,9 @@ use rand_chacha::ChaCha8Rng;
 use super::begin::Begun;
 use super::config::GenerateConfig;
 use super::manifest::{Manifest, header};
-use super::shard::{DatasetError, FORMAT, Recording, is_shard, read_shard, sha256_of, write_shard};
+use super::shard::{DatasetError, FORMAT, is_shard, read_shard, sha256_of, write_shard};
 use crate::files::{has_keys, unclaimed};
-use crate::{disturb::blur, internal::*};
+use crate::{disturb::blur, internal::*, trajectories::Trajectories};
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, the truth of this data.
 pub fn record(
@@ -18,14 +18,13 @@ pub fn record(
     config: &GenerateConfig,
     first: u64,
     count: usize,
-) -> Result<Recording, DatasetError> {
+) -> Result<Trajectories, DatasetError> {
     config.check(system)?;
     let (f, joints) = (config.frames, system.robot.joint_count());
     let mut begun = Begun::new(system, config, first, count);
     (0..count).for_each(|env| solver.reset(env));
     let mut out = empty(system, &mut begun, f, count);
-    let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
-    let mut held = begun.streams.clone();
+    let (mut held, mut tau) = (begun.streams.clone(), vec![0.0; count * joints]);
     for frame in 0..=f {
         if config.until.is_some_and(|until| Instant::now() >= until) {
             return Err(DatasetError::Late);
@@ -41,30 +40,34 @@ pub fn record(
             let now = &mut tau[env * joints..(env + 1) * joints];
             act(&mut begun, &mut held[env], env, frame, now);
             out.torques[row * joints..][..joints].copy_from_slice(now);
-            show(system, &mut begun, &mut out, [env, row], &mut data, &mut events);
+            if let Some(rng) = begun.sensors.get_mut(env) {
+                let shown = &mut out.shown[row * d..][..d];
+                shown.copy_from_slice(begun.batch.state(env));
+                blur(begun.batch.of(env), shown, rng);
+            }
         }
         if frame < f {
             solver.step(&mut begun.batch, &tau).map_err(|error| DatasetError::Step(first, error))?;
         }
     }
+    out.touch(system);
     Ok(out)
 }
 
-/// A recording of zeros, with gravity and drawn parameters.
-fn empty(system: &System, begun: &mut Begun, f: usize, count: usize) -> Recording {
-    let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let zeros = |n: usize| vec![0.0; n];
-    Recording {
-        trajectories: count,
+/// States and torques of zeros, with scenes, robots and drawn parameters.
+fn empty(system: &System, begun: &mut Begun, f: usize, count: usize) -> Trajectories {
+    let (d, zeros) = (system.robot.state_dim(), |n: usize| vec![0.0; n]);
+    Trajectories {
+        count,
         frames: f,
+        scenes: begun.batch.scenes.clone(),
+        systems: begun.batch.systems.clone(),
         states: zeros(count * (f + 1) * d),
-        torques: zeros(count * f * joints),
-        normals: zeros(count * f * points * 3),
-        points: zeros(count * f * points * 3),
-        depths: zeros(count * f * points),
+        torques: zeros(count * f * system.robot.joint_count()),
         gravity: begun.batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
         drawn: std::mem::take(&mut begun.drawn),
         shown: zeros(begun.sensors.len() * f * d),
+        ..Trajectories::default()
     }
 }
 
@@ -82,34 +85,6 @@ fn act(begun: &mut Begun, held: &mut ChaCha8Rng, env: usize, frame: usize, torqu
     match &mut pilots[env] {
         Some(act) => act.torques(batch.state(env), &batch.scenes[env], &mut streams[env], torques),
         None => drives[env.min(last)].draw(batch.state(env), scales[env], &mut streams[env], torques),
-    }
-}
-
-/// Records what an environment's sensors show, and the contact events of the state that the sensors show.
-fn show(
-    system: &System,
-    Begun { batch, sensors, .. }: &mut Begun,
-    out: &mut Recording,
-    [env, row]: [usize; 2],
-    data: &mut Data,
-    events: &mut Vec<ContactEvent>,
-) {
-    let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
-    let mut seen = batch.state(env);
-    if let Some(rng) = sensors.get_mut(env) {
-        let shown = &mut out.shown[row * d..][..d];
-        shown.copy_from_slice(seen);
-        blur(batch.of(env), shown, rng);
-        seen = shown;
-    }
-    if points > 0 {
-        contacts(system, &batch.scenes[env], seen, data, events);
-        for (k, event) in events.iter().enumerate() {
-            let at = (row * points + k) * 3;
-            out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
-            out.points[at..at + 3].copy_from_slice(event.p1.as_slice());
-            out.depths[row * points + k] = event.distance;
-        }
     }
 }
 

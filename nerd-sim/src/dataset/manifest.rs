@@ -1,8 +1,8 @@
 //! The manifest of a folder of shards.
 
-use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
+use super::shard::{DatasetError, check_format, read_shard, sha256_of};
 use super::{begin::begin, config::GenerateConfig};
-use crate::{files::read_text, internal::*};
+use crate::{files::read_text, internal::*, trajectories::Trajectories};
 
 /// `manifest.json` of a folder of shards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,11 +60,11 @@ impl Manifest {
     }
 
     /// Reads the shard `name`, after checking that the shard is of `system` and of the manifest's truth.
-    pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, FileError> {
+    pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Trajectories, FileError> {
         self.checked(&folder.join(name), system).map(|(recording, _)| recording)
     }
 
-    fn checked(&self, path: &Path, system: &System) -> Result<(Recording, BTreeMap<String, String>), FileError> {
+    fn checked(&self, path: &Path, system: &System) -> Result<(Trajectories, BTreeMap<String, String>), FileError> {
         let (recording, header) = read_shard(path)?;
         let found = ["robot", "robot_sha256", "system_sha256", "truth"]
             .map(|key| header.get(key).map_or("unknown", String::as_str));
@@ -82,15 +82,15 @@ impl Manifest {
         folder: &Path,
         name: &str,
         system: &Arc<System>,
-    ) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
+    ) -> Result<Trajectories, DatasetError> {
         let path = folder.join(name);
-        let (recording, header) = self.checked(&path, system)?;
+        let (mut recording, header) = self.checked(&path, system)?;
         let number = |key: &str| {
             let text = header.get(key).map_or("", String::as_str);
             text.parse::<f64>()
                 .map_err(|_| FileError::new(&path, format!("`{key}` of its header is `{text}`, a number is needed")))
         };
-        let (n, frames, seed) = (recording.trajectories, recording.frames, self.seed);
+        let (n, frames, seed) = (recording.count, recording.frames, self.seed);
         let config = GenerateConfig {
             transitions: n * frames,
             frames,
@@ -99,13 +99,13 @@ impl Manifest {
             ..GenerateConfig::default()
         };
         let begun = begin(system, &config, number("first")? as u64, n)?;
-        let rows = recording.states.chunks_exact((frames + 1) * system.robot.state_dim());
-        if let Some(k) = rows.enumerate().position(|(k, row)| !row.starts_with(begun.state(k))) {
+        if let Some(k) = (0..n).find(|k| recording.state(*k, 0) != begun.state(*k)) {
             let text =
                 "its scenes cannot be drawn again from its seed: policies acted in it, or another program made it";
             return Err(FileError::new(&path, format!("trajectory {k}: {text}; record the data set again")).into());
         }
-        Ok((recording, begun.scenes))
+        (recording.scenes, recording.systems) = (begun.scenes, begun.systems);
+        Ok(recording)
     }
 
     /// Refuses shards with hashes (in order) or lengths that differ from the manifest's.

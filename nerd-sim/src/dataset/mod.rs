@@ -12,4 +12,4 @@ pub use config::GenerateConfig;
 pub use drive::{Act, Drive, Pilot, Smooth};
 pub use generate::{generate, record};
 pub use manifest::Manifest;
-pub use shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
+pub use shard::{DatasetError, FORMAT, read_shard, sha256_of, write_shard};

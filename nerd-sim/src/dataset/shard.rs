@@ -1,103 +1,12 @@
-//! Recorded trajectories of equal length: in memory, trajectory-major, and as a safetensors file, written whole or not
-//! at all. Numbers are f64: in f32, positions 100 km from the world origin would round to 8 mm.
+//! Trajectories as a safetensors file, written whole or not at all. Numbers are f64: in f32, positions 100 km from the
+//! world origin would round to 8 mm.
 
 use std::collections::HashMap;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sha2::{Digest, Sha256};
 
-use crate::internal::*;
-
-/// Recorded trajectories of F frames each, with states before and after each frame.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Recording {
-    /// Number of trajectories.
-    pub trajectories: usize,
-    /// Number of frames F per trajectory.
-    pub frames: usize,
-    /// States `[trajectory][F + 1][state_dim]`.
-    pub states: Vec<f64>,
-    /// Noisy sensor readings of the states at the start of each frame, `[trajectory][F][state_dim]`; contacts are
-    /// computed from these readings. Empty without sensor noise ([`crate::vary`]).
-    pub shown: Vec<f64>,
-    /// Joint torques held constant over each frame, `[trajectory][F][joints]`.
-    pub torques: Vec<f64>,
-    /// Surface normals at the start of each frame, world axes, `[trajectory][F][points][3]`.
-    pub normals: Vec<f64>,
-    /// Nearest scene points at the start of each frame, world (m), `[trajectory][F][points][3]`.
-    pub points: Vec<f64>,
-    /// Signed distances at the start of each frame (m), `[trajectory][F][points]`; infinite in an empty scene.
-    pub depths: Vec<f64>,
-    /// Gravity (m/s^2), `[trajectory][3]`.
-    pub gravity: Vec<f64>,
-    /// Drawn parameters of the robot, `[trajectory][crate::vary::columns]`; empty without `[vary]`.
-    pub drawn: Vec<f64>,
-}
-
-impl Recording {
-    /// Arrays by name, with the shape of one trajectory; `drawn` and `shown` only if not empty.
-    pub fn arrays(&self) -> Vec<(&'static str, Vec<usize>, &Vec<f64>)> {
-        let (n, f) = (self.trajectories, self.frames);
-        let width = |x: &Vec<f64>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
-        let contacts = width(&self.depths, f);
-        let mut arrays = vec![
-            ("states", vec![f + 1, width(&self.states, f + 1)], &self.states),
-            ("torques", vec![f, width(&self.torques, f)], &self.torques),
-            ("normals", vec![f, contacts, 3], &self.normals),
-            ("points", vec![f, contacts, 3], &self.points),
-            ("depths", vec![f, contacts], &self.depths),
-            ("gravity", vec![3], &self.gravity),
-        ];
-        if !self.drawn.is_empty() {
-            arrays.push(("drawn", vec![width(&self.drawn, 1)], &self.drawn));
-        }
-        if !self.shown.is_empty() {
-            arrays.push(("shown", vec![f, width(&self.shown, f)], &self.shown));
-        }
-        arrays
-    }
-
-    /// Refuses arrays with lengths that do not fit the robot: the robot may have changed after a file was written.
-    pub fn check(&self, system: &System) -> Result<(), String> {
-        let robot = &system.robot;
-        let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
-        let (states, torques, surface) = (n * (f + 1) * robot.state_dim(), n * f * robot.joint_count(), n * f * points);
-        for ((name, _, x), wanted) in
-            self.arrays().iter().zip([states, torques, 3 * surface, 3 * surface, surface, 3 * n])
-        {
-            if x.len() != wanted {
-                return Err(format!(
-                    "`{name}` has {} numbers, the robot needs {wanted}; record the data set again",
-                    x.len()
-                ));
-            }
-        }
-        let shown = if system.noisy() { n * f * robot.state_dim() } else { 0 };
-        if self.shown.len() != shown {
-            return Err(format!(
-                "`shown` has {} numbers, noise of the robot's sensors needs {shown}; record the data set again",
-                self.shown.len()
-            ));
-        }
-        let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
-        if drawn != wanted {
-            return Err(format!(
-                "`drawn` has {drawn} numbers, [vary] of the robot draws {wanted}; record the data set again"
-            ));
-        }
-        Ok(())
-    }
-
-    /// SHA-256 over the arrays in order.
-    pub fn sha256(&self) -> [u8; 32] {
-        let mut hash = Sha256::new();
-        for (_, _, x) in self.arrays() {
-            let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
-            hash.update(&bytes);
-        }
-        hash.finalize().into()
-    }
-}
+use crate::{internal::*, trajectories::Trajectories};
 
 /// Hash of a data set: SHA-256 over its recordings' hashes in order, as lower-case hex.
 pub fn sha256_of(recordings: impl IntoIterator<Item = [u8; 32]>) -> String {
@@ -137,7 +46,11 @@ const FORMAT_KEY: &str = "format";
 const HASH_KEY: &str = "sha256";
 
 /// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary file, then renamed.
-pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<String, String>) -> Result<(), FileError> {
+pub fn write_shard(
+    path: &Path,
+    recording: &Trajectories,
+    metadata: &BTreeMap<String, String>,
+) -> Result<(), FileError> {
     let own = [(FORMAT_KEY.to_string(), FORMAT.to_string()), (HASH_KEY.to_string(), sha256_of([recording.sha256()]))];
     let metadata: BTreeMap<_, _> = metadata.clone().into_iter().chain(own).collect();
     let text = serde_json::to_string(&metadata).map_err(|e| FileError::new(path, e))?;
@@ -148,7 +61,7 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
         .into_iter()
         .map(|(name, shape, x)| {
             let bytes: Vec<u8> = x.iter().flat_map(|v| v.to_le_bytes()).collect();
-            (name, [vec![recording.trajectories], shape].concat(), bytes)
+            (name, [vec![recording.count], shape].concat(), bytes)
         })
         .collect();
     let views = raw
@@ -166,7 +79,7 @@ pub(super) fn is_shard(path: &Path) -> bool {
 }
 
 /// Reads a shard and its metadata; refuses numbers that do not match the stored hash.
-pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), FileError> {
+pub fn read_shard(path: &Path) -> Result<(Trajectories, BTreeMap<String, String>), FileError> {
     let bytes = crate::files::read(path).map_err(|e| FileError::new(path, e))?;
     let wrong = |reason: String| FileError::new(path, reason);
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
@@ -187,12 +100,12 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         Ok((view.shape().to_vec(), numbers.iter().map(|b| f64::from_le_bytes(*b)).collect()))
     };
     let (shape, states) = read("states")?;
-    let [trajectories, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
+    let [count, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
     let [torques, normals, points, depths, gravity] = ["torques", "normals", "points", "depths", "gravity"].map(read);
     let where_there =
         |name: &str| Ok(file.names().contains(&name).then(|| read(name)).transpose()?.unwrap_or_default().1);
-    let recording = Recording {
-        trajectories,
+    let recording = Trajectories {
+        count,
         frames: rows.saturating_sub(1),
         states,
         torques: torques?.1,
@@ -202,6 +115,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         gravity: gravity?.1,
         drawn: where_there("drawn")?,
         shown: where_there("shown")?,
+        ..Trajectories::default()
     };
     if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
         return Err(wrong(

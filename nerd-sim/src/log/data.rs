@@ -36,6 +36,18 @@ pub struct Trajectory {
     pub torques: Vec<Vec<f64>>,
 }
 
+impl Trajectory {
+    /// Number of frames between its states.
+    pub fn frames(&self) -> usize {
+        self.states.len() - 1
+    }
+
+    /// First frames of pieces of `frames` frames, `every` frames apart.
+    pub fn starts(&self, frames: usize, every: usize) -> impl Iterator<Item = usize> + use<> {
+        (0..(self.frames() + 1).saturating_sub(frames)).step_by(every.max(1))
+    }
+}
+
 /// Errors of reading a log; one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]

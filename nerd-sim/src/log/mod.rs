@@ -19,7 +19,7 @@ pub use data::{Log, LogError, Trajectory};
 pub use read::{specified, tables};
 pub use spec::{LogSpec, Published};
 
-use crate::{dataset::Recording, internal::*};
+use crate::{internal::*, trajectories::Trajectories};
 
 /// Maximum number of frames between two rows.
 const MAX_FRAMES_BETWEEN_ROWS: f64 = 100.0;
@@ -71,32 +71,40 @@ impl Log {
         Ok(log)
     }
 
+    /// Pieces of `frames` frames, without contacts; each start is a trajectory and the piece's first frame in it.
+    pub fn cut<'a>(
+        &self,
+        starts: impl IntoIterator<Item = (&'a Trajectory, usize)>,
+        frames: usize,
+    ) -> Result<Trajectories, LogError> {
+        let scene = self.system.scene(&self.scene)?;
+        let mut out = Trajectories { frames, ..Trajectories::default() };
+        for (trajectory, first) in starts {
+            out.count += 1;
+            out.scenes.push(scene.clone());
+            out.gravity.extend(scene.gravity.iter());
+            out.states.extend(trajectory.states[first..=first + frames].iter().flatten());
+            out.torques.extend(trajectory.torques[first..first + frames].iter().flatten());
+        }
+        Ok(out)
+    }
+
     /// Cuts trajectories into pieces of `frames` frames. Neighbouring pieces share `shared` frames, so that every run
     /// of `shared + 1` frames is in one piece. The last piece ends with its trajectory and may repeat some runs.
     /// Shorter trajectories are left out.
-    pub fn recording(&self, trajectories: &[Trajectory], frames: usize, shared: usize) -> Result<Recording, LogError> {
-        let (robot, scene) = (&self.system.robot, self.system.scene(&self.scene)?);
-        let mut out = Recording { frames, ..Recording::default() };
-        let (mut data, mut events) = (Data::new(robot), Vec::new());
-        for trajectory in trajectories {
-            let Some(last) = (trajectory.states.len() - 1).checked_sub(frames) else { continue };
-            let starts = (0..last).step_by((frames - shared.min(frames - 1)).max(1)).chain([last]);
-            for first in starts {
-                out.trajectories += 1;
-                out.gravity.extend(scene.gravity.iter());
-                for frame in first..=first + frames {
-                    let state = &trajectory.states[frame];
-                    if frame < first + frames {
-                        out.torques.extend(&trajectory.torques[frame]);
-                        contacts(&self.system, &scene, state, &mut data, &mut events);
-                        out.normals.extend(events.iter().flat_map(|e| e.normal.iter().copied().collect::<Vec<_>>()));
-                        out.points.extend(events.iter().flat_map(|e| e.p1.iter().copied().collect::<Vec<_>>()));
-                        out.depths.extend(events.iter().map(|e| e.distance));
-                    }
-                    out.states.extend(state);
-                }
-            }
-        }
+    pub fn recording(
+        &self,
+        trajectories: &[Trajectory],
+        frames: usize,
+        shared: usize,
+    ) -> Result<Trajectories, LogError> {
+        let every = (frames - shared.min(frames - 1)).max(1);
+        let starts = trajectories.iter().flat_map(|trajectory| {
+            let last = trajectory.frames().checked_sub(frames);
+            last.into_iter().flat_map(move |last| (0..last).step_by(every).chain([last])).map(move |k| (trajectory, k))
+        });
+        let mut out = self.cut(starts, frames)?;
+        out.touch(&self.system);
         Ok(out)
     }
 }

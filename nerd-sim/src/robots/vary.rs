@@ -47,8 +47,8 @@ pub struct VarySpec {
     /// is conditioned on ripple.
     pub ripple: Option<Range>,
     /// Standard deviation of white noise on each joint's measured position (rad or m). On measured velocity it is this
-    /// value divided by the frame time (s). Recordings ([`crate::dataset::Recording::shown`]) and observations have
-    /// noise; stepped states do not.
+    /// value divided by the frame time (s). Recordings ([`crate::trajectories::Trajectories::shown`]) and observations
+    /// have noise; stepped states do not.
     pub noise: Option<Range>,
     /// Standard deviation of noise on the measured position of a free root (m).
     pub root_noise: Option<Range>,

@@ -69,7 +69,7 @@ fn a_recording_holds_what_the_sampling_laws_say() {
     for k in 0..3 {
         let (r, header) = read_shard(&folder.path().join(format!("shard-{k:05}.safetensors"))).expect("read");
         assert_eq!((header["robot"].as_str(), header["truth"].as_str()), ("pendulum", "articulated paper coulomb"));
-        for t in 0..r.trajectories {
+        for t in 0..r.count {
             let s = &r.states[t * 21 * 4..];
             let inside = s.iter().zip(&BOX).all(|(x, half)| x.abs() <= half * 1.000_001);
             assert!(inside, "start {:?} outside the box {BOX:?}", &s[..4]);
@@ -92,7 +92,7 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
     let config = GenerateConfig { frames: 24, hold: 8, resets: 0.5, ..Default::default() };
     let r = record(&system, &mut truth, &config, 0, 64).expect("recorded");
     let mut runs = [0; 9];
-    for t in 0..r.trajectories {
+    for t in 0..r.count {
         let torque = |f: usize| &r.torques[(t * 24 + f) * 8..][..8];
         let first =
             (1..24).find(|f| torque(*f) != torque(0)).expect("24 frames of one action, at most 8 were asked for");
@@ -165,7 +165,7 @@ fn draws_stay_what_they_were() {
             .expect("recorded");
         let starts = made.states.chunks(4 * system.robot.state_dim()).flat_map(|row| &row[..system.robot.state_dim()]);
         let numbers: Vec<f64> = starts.chain(&made.torques).chain(&made.drawn).copied().collect();
-        let found = nerd_sim::dataset::Recording { states: numbers, ..Default::default() }.sha256();
+        let found = nerd_sim::trajectories::Trajectories { states: numbers, ..Default::default() }.sha256();
         assert_eq!(nerd_sim::dataset::sha256_of([found]), expected);
     }
 }

@@ -77,20 +77,12 @@ fn pegs_differ_by_trajectory_and_stand_clear_of_the_start() {
 #[test]
 fn what_begins_is_what_is_recorded() {
     let system = lead();
-    let batch = begin(&system, &config(), 0, 8).expect("it begins");
+    let mut batch = begin(&system, &config(), 0, 8).expect("it begins");
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
     let recording = record(&system, &mut solver, &config(), 0, 8).expect("it moves");
-    let d = system.robot.state_dim();
     // Under the recorded torques and among the same pegs the batch repeats the recording.
-    let mut batch = batch;
-    let joints = system.robot.joint_count();
     for frame in 0..60 {
-        for env in 0..8 {
-            let was = &recording.states[(env * 61 + frame) * d..][..d];
-            assert_eq!(batch.state(env), was, "trajectory {env}, frame {frame}");
-        }
-        let torques: Vec<f64> =
-            (0..8).flat_map(|env| recording.torques[(env * 60 + frame) * joints..][..joints].to_vec()).collect();
-        solver.step(&mut batch, &torques).expect("it moves");
+        assert_eq!(batch.states, recording.states_at(frame), "frame {frame}");
+        solver.step(&mut batch, &recording.torques_at(frame)).expect("it moves");
     }
 }

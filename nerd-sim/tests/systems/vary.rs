@@ -160,7 +160,8 @@ fn sensors_with_noise_show_it() {
         generate(&system, &mut *Truth::Articulated.solver(&system), "accurate", &config, folder.path(), &mut |_, _| {});
     let read = made.and_then(|m| Ok(m.shard(folder.path(), &m.shards[0], &system)?)).expect("it can be read");
     assert!(read == all);
-    let said = nerd_sim::dataset::Recording { shown: Vec::new(), ..all }.check(&system).expect_err("nothing is shown");
+    let said =
+        nerd_sim::trajectories::Trajectories { shown: Vec::new(), ..all }.check(&system).expect_err("nothing is shown");
     assert!(said.contains("`shown` has 0 numbers"), "{said}");
 }
 

@@ -1,8 +1,9 @@
 //! Gradients and updates on the GPU against the CPU, for windows and for rollouts.
 
 use nerd_model::chain::{Chain, ChainSolver};
+use nerd_sim::trajectories::Trajectories;
 use nerd_train::unroll::chain::{Cable, Loss, scales};
-use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, UnrollLearner};
+use nerd_train::unroll::{Course, CudaUnrollLearner, UnrollLearner};
 
 use crate::with::*;
 
@@ -88,10 +89,10 @@ fn record() -> GenerateConfig {
     GenerateConfig { transitions: 64 * 40, frames: 40, ..GenerateConfig::default() }
 }
 
-fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
+fn motions(system: &Arc<System>) -> Outcome<Arc<Trajectories>> {
     let solver =
         || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
-    Ok(Arc::new(Motions::record(system, &solver, &record(), &|_| ())?))
+    Ok(Arc::new(nerd_train::unroll::motions(system, &solver, &record(), &|_| ())?))
 }
 
 fn unrolled(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<Cable>) -> Outcome {

@@ -22,7 +22,7 @@ pub(super) struct Data {
 
 pub(super) struct Judge {
     pub normalizer: Normalizer,
-    pub motions: Option<Arc<Motions>>,
+    pub motions: Option<Arc<Trajectories>>,
 }
 
 /// Training and validation data, by the way in which the run trains.
@@ -34,14 +34,18 @@ pub(super) enum Sets {
 
 /// Motions that earlier runs have read or recorded; the runs of a recipe share most of them.
 #[derive(Default)]
-pub(super) struct Cache(Mutex<Vec<(String, Arc<Motions>)>>);
+pub(super) struct Cache(Mutex<Vec<(String, Arc<Trajectories>)>>);
 
 /// Number of entries in the cache: motions for training and for validation.
 const KEPT: usize = 2;
 
 impl Cache {
     /// The motions stored under `name`, or else the result of `make`, which is then stored.
-    fn get(&self, name: impl std::fmt::Debug, make: impl FnOnce() -> Result<Motions>) -> Result<Arc<Motions>> {
+    fn get(
+        &self,
+        name: impl std::fmt::Debug,
+        make: impl FnOnce() -> Result<Trajectories>,
+    ) -> Result<Arc<Trajectories>> {
         let name = format!("{name:?}");
         let mut all = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, found)) = all.iter().find(|(known, _)| *known == name) {
@@ -124,16 +128,13 @@ impl Data {
         let frames = plan.mode.frames().unwrap_or(1);
         let (motions, validation) = match &plan.measured {
             Some(measured) => {
-                let part = |part: &[_]| {
-                    Ok::<_, Error>(Motions::of(measured.recording(part, record.frames, frames)?, &measured.scene()?))
-                };
-                let mut motions = part(&measured.learned)?;
-                motions.sha256.clone_from(&measured.sha256);
-                (Arc::new(motions), Arc::new(part(&measured.choosing)?))
+                let part =
+                    |part: &[_]| Ok::<_, Error>(Arc::new(measured.recording(part, record.frames, frames)?.bare()));
+                (part(&measured.learned)?, part(&measured.choosing)?)
             }
             None => {
                 let motions = match &config.data {
-                    Some(folder) => cache.get(folder, || Ok(Motions::read(system, &truth, folder)?))?,
+                    Some(folder) => cache.get(folder, || Ok(unroll::read(system, &truth, folder)?))?,
                     None => recorded(&plan.recording)?,
                 };
                 (motions, recorded(&validation(plan, config.rollouts.max(1) * record.frames))?)
@@ -155,9 +156,9 @@ impl Data {
             }
         };
         Ok(Self {
-            sha256: motions.sha256.clone(),
-            transitions: motions.len() * motions.frames,
-            windows: motions.len() * motions.frames,
+            sha256: plan.measured.as_ref().map_or_else(|| unroll::sha256(&motions), |measured| measured.sha256.clone()),
+            transitions: motions.count * motions.frames,
+            windows: motions.count * motions.frames,
             judge: Judge { normalizer, motions: matches!(plan.mode, Mode::Chain { .. }).then_some(validation) },
             sets,
         })

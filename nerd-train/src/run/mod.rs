@@ -42,7 +42,7 @@ use crate::records::claimed;
 use crate::settings::{Given, Settings, settings};
 use crate::shipped;
 use crate::trainer::TrainerConfig;
-use crate::unroll::{Course, Motions};
+use crate::unroll::{self, Course};
 use card::Identity;
 use plan::Plan;
 

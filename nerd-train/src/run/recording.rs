@@ -123,14 +123,19 @@ impl RecordConfig {
     }
 
     /// Records motions in memory; on CUDA the articulated truth runs on the GPU in f64.
-    pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig, device: Device) -> Result<Motions> {
+    pub(super) fn motions(
+        &self,
+        system: &Arc<System>,
+        config: &GenerateConfig,
+        device: Device,
+    ) -> Result<Trajectories> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);
         let record = |on_card: bool| {
             let most = if on_card { ON_CARD } else { ON_CPU };
             let config = GenerateConfig { shard_trajectories: config.shard_trajectories.min(most), ..config.clone() };
             let solver = || if on_card { truth_on_card(system) } else { self.truth(system).solver(system) };
-            Motions::record(system, &solver, &config, &tell)
+            unroll::motions(system, &solver, &config, &tell)
         };
         let on_card = device == Device::Cuda && self.truth(system) == Truth::Articulated;
         let motions = match record(on_card) {

@@ -22,12 +22,12 @@ pub trait Body: Clone + Send + Sync {
     /// View of a motion: yaw (rad), and whether it is mirrored.
     fn view(&self, yaw: f64, mirrored: bool) -> Self::View;
     /// Recorded state at a place of a motion, transformed by the view of the place.
-    fn truth(&self, motions: &Motions, place: &Place<Self::View>) -> Self::State;
+    fn truth(&self, motions: &Trajectories, place: &Place<Self::View>) -> Self::State;
     /// Observes a state at a place of a motion; appends the network's normalised input tokens to `tokens`.
     fn look(
         &self,
         state: &Self::State,
-        at: (&Motions, &Place<Self::View>),
+        at: (&Trajectories, &Place<Self::View>),
         memory: &mut Self::Memory,
         tokens: &mut Vec<f32>,
     ) -> Self::Look;
@@ -73,7 +73,7 @@ pub trait Body: Clone + Send + Sync {
     fn near(&self, state: &Self::State, truth: &Self::State) -> bool;
     /// Error of a network's prediction after one frame, relative to the true change over the frame. Taken at `frames`
     /// evenly spaced frames.
-    fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
+    fn missed(&self, motions: &Trajectories, network: &Loaded, frames: usize) -> f64;
 }
 
 /// A frame of a motion.
@@ -97,12 +97,12 @@ pub fn join(own: f64, upstream: f64, later: usize) -> f64 {
 /// Ratio of two sums over `count` evenly spaced frames. `one` gives the two terms of a frame from its motion and its
 /// number.
 pub(super) fn ratio<M>(
-    motions: &Motions,
+    motions: &Trajectories,
     count: usize,
     memory: impl Fn() -> M + Sync + Send,
     one: impl Fn(&mut M, usize, usize) -> (f64, f64) + Sync + Send,
 ) -> f64 {
-    let rows = validation_rows(motions.len() * motions.frames, count);
+    let rows = validation_rows(motions.count * motions.frames, count);
     let one = |memory: &mut M, row: &u64| one(memory, *row as usize / motions.frames, *row as usize % motions.frames);
     let (own, whole): (Vec<f64>, Vec<f64>) = rows.par_iter().map_init(memory, one).unzip();
     own.iter().sum::<f64>() / whole.iter().sum::<f64>().max(1e-300)

@@ -13,9 +13,9 @@ pub struct Course<B> {
     /// System in the motions.
     pub body: B,
     /// Training motions.
-    pub train: Arc<Motions>,
+    pub train: Arc<Trajectories>,
     /// Motions for validation on single frames.
-    pub validation: Arc<Motions>,
+    pub validation: Arc<Trajectories>,
     /// Number H of frames in a rollout.
     pub frames: usize,
 }
@@ -30,8 +30,8 @@ impl<B: Body> Course<B> {
     /// Refuses motions that are shorter than a rollout.
     pub(super) fn check(&self) -> LearnResult {
         let Self { train, validation, frames, .. } = self;
-        if train.is_empty() || validation.is_empty() || train.frames < *frames || *frames == 0 {
-            let motions = train.len();
+        if train.count == 0 || validation.count == 0 || train.frames < *frames || *frames == 0 {
+            let motions = train.count;
             let long = train.frames;
             mismatch!("{motions} motions of {long} frames hold no rollout of {frames}");
         }
@@ -46,7 +46,7 @@ impl<B: Body> Course<B> {
         let one = |_| {
             let anew = rng.random::<f64>() < ANEW;
             let mirrored = rng.random::<bool>();
-            let motion = rng.random_range(0..train.len());
+            let motion = rng.random_range(0..train.count);
             let frame = rng.random_range(0..=train.frames - self.frames);
             let view = self.body.view(rng.random::<f64>() * std::f64::consts::TAU, mirrored);
             Draw { anew, place: Place { motion, frame, view } }

@@ -176,10 +176,10 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> LearnResult<Self> {
-        let count = motions.len() * (motions.frames + 1);
+    fn on(d: &Device, system: &System, body: &Cable, motions: &Trajectories, colliders: usize) -> LearnResult<Self> {
+        let count = motions.count * (motions.frames + 1);
         let truths = d.zeros(count * body.width())?;
-        let states = motions.states();
+        let states = &motions.states;
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
             let sent = d.upload(part)?;
@@ -188,7 +188,7 @@ impl Recorded {
             d.wait()?;
         }
         let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..LED].iter().copied());
-        let torques = (0..motions.len()).flat_map(torques).chain([0.0]).collect_vec();
+        let torques = (0..motions.count).flat_map(torques).chain([0.0]).collect_vec();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
             scenes.extend(body.record(system, scene, colliders)?);

@@ -30,7 +30,8 @@ pub use body::{Body, Place, join};
 pub use course::Course;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaUnrollLearner;
-pub use data::Motions;
+pub(crate) use data::sha256;
+pub use data::{motions, read};
 pub(crate) use learner::ROLLOUTS;
 pub use learner::UnrollLearner;
 pub use pass::{Rollout, Unroll};

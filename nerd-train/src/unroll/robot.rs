@@ -32,11 +32,11 @@ pub struct Robot {
 
 impl Robot {
     /// Measures units in `motions`.
-    pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Motions) -> Self {
+    pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Trajectories) -> Self {
         let nv = system.robot.nv();
         let dofs = system.robot.root_dofs();
-        let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
-        let rows = (0..motions.len() * motions.frames).step_by(step).collect_vec();
+        let step = (motions.count * motions.frames).div_ceil(FRAMES).max(1);
+        let rows = (0..motions.count * motions.frames).step_by(step).collect_vec();
         let mut units = vec![0.0; 2 * nv];
         for row in &rows {
             let [motion, frame] = [row / motions.frames, row % motions.frames];
@@ -93,14 +93,14 @@ impl Body for Robot {
 
     fn view(&self, _: f64, _: bool) {}
 
-    fn truth(&self, motions: &Motions, place: &Place<()>) -> Vec<f64> {
+    fn truth(&self, motions: &Trajectories, place: &Place<()>) -> Vec<f64> {
         motions.state(place.motion, place.frame).to_vec()
     }
 
     fn look(
         &self,
         state: &Vec<f64>,
-        (motions, place): (&Motions, &Place<()>),
+        (motions, place): (&Trajectories, &Place<()>),
         memory: &mut Scratch,
         tokens: &mut Vec<f32>,
     ) -> Looked {
@@ -170,7 +170,7 @@ impl Body for Robot {
         false
     }
 
-    fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
+    fn missed(&self, motions: &Trajectories, network: &Loaded, frames: usize) -> f64 {
         ratio(
             motions,
             frames,

@@ -11,10 +11,11 @@ pub mod recorded;
 mod words;
 
 use nerd_model::solver::learned;
-use nerd_sim::instruments::{Hold, Recorder, Replay, Shaken};
+use nerd_sim::instruments::Shaken;
 
+use crate::comparison::Comparison;
 use crate::cost::{on_one_core, powers, timed};
-use crate::evaluate::{Action, PassiveConfig, PassiveReport, passive, summary, summary_names};
+use crate::evaluate::{Action, PassiveConfig, PassiveReport, summary, summary_names};
 use crate::prelude::*;
 use crate::spec::{RapierSpec, SolverSpec};
 use crate::stats::mean;
@@ -107,14 +108,10 @@ pub fn verdict(
     let bar =
         bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
     let found = on_one_core(|| {
-        let mut recorder = Recorder::new(truth.solver(system));
-        passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
+        let comparison = Comparison::with(truth.solver(system), system, scene, protocol)?;
         let row = |of: &str, solver: Box<dyn Solver>| -> Result<Row> {
             bar.add(1);
-            let compare = |solver: &mut dyn Solver| {
-                passive(system, scene, &mut Replay::new(&recorder.frames), solver, protocol, &mut |_| ())
-            };
-            Ok(Row::new(of, system, timed(solver, protocol.starts * protocol.steps, compare)?))
+            Ok(Row::new(of, system, timed(solver, comparison.work(), |solver| comparison.errors(solver))?))
         };
         let mut found = common(model, system, (scene, truth.name(), protocol), maps, &row)?;
         for n in counts {

@@ -45,14 +45,14 @@ pub fn recorded(
     let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);
     let of = |pieces: &Pieces, of: &str, solver: Box<dyn Solver>| -> Result<Row> {
         bar.add(1);
-        let frames = pieces.count() * pieces.torques.len();
+        let frames = pieces.count() * pieces.all.frames;
         Ok(Row::new(of, system, timed(solver, frames, |solver| pieces.compare(solver))?))
     };
     let row = |name: &str, solver: Box<dyn Solver>| of(pieces, name, solver);
     let action = Action::Recorded(pieces.before);
     let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action };
     let found = on_one_core(|| {
-        let mut found = common(model, system, (&pieces.scenes[0], measured.truth.clone(), protocol), maps, &row)?;
+        let mut found = common(model, system, (&pieces.all.scenes[0], measured.truth.clone(), protocol), maps, &row)?;
         if model.config.base != Base::State {
             found.hold = Some(row("hold last", Box::new(Hold))?);
         }
@@ -78,19 +78,14 @@ pub fn recorded(
 /// `subject` has no memory.
 fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
-    let mut states = pieces.states[pieces.before..].to_vec();
-    states
-        .iter_mut()
-        .flat_map(|frame| frame.chunks_exact_mut(d))
-        .for_each(|state| subject.shift(&mut state[..nq], 1.0));
-    let late = |frame: usize| subject.late(&[0, 1, 2].map(|back| &pieces.torques[frame.saturating_sub(back)][..]));
-    let torques = (pieces.before..pieces.torques.len()).map(late).collect();
-    Pieces {
-        system: subject.system.clone(),
-        systems: Vec::new(),
-        scenes: vec![subject.scene.clone(); pieces.count()],
-        before: 0,
-        states,
-        torques,
-    }
+    let mut all = pieces.all.after(pieces.before);
+    all.states.chunks_exact_mut(d).for_each(|state| subject.shift(&mut state[..nq], 1.0));
+    let late = |(piece, frame): (usize, usize)| {
+        subject.late(&[0, 1, 2].map(|back| pieces.all.torques(piece, frame.saturating_sub(back))))
+    };
+    let frames = pieces.before..pieces.all.frames;
+    all.torques = (0..all.count).cartesian_product(frames).flat_map(late).collect();
+    all.scenes = vec![subject.scene.clone(); all.count];
+    all.systems.clear();
+    Pieces { system: subject.system.clone(), before: 0, all }
 }

@@ -13,9 +13,10 @@ pub use nerd_model::neural::Neural;
 pub use nerd_model::normalizer::{Moments, Normalizer};
 pub use nerd_model::program::cpu::{Loaded, Memory, Pass};
 pub use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-pub use nerd_sim::dataset::{GenerateConfig, Recording, record};
+pub use nerd_sim::dataset::{GenerateConfig, record};
 pub use nerd_sim::prelude::*;
 pub use nerd_sim::sampling::normal;
+pub use nerd_sim::trajectories::Trajectories;
 pub use nerd_train::device::Device;
 pub use nerd_train::evaluate::{Action, PassiveConfig, passive};
 pub use nerd_train::learner::{

@@ -12,7 +12,7 @@ fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     let config =
         GenerateConfig { transitions: 24 * 30, frames: 30, resets: 1.0, hold: 8, seed: 5, ..Default::default() };
     let pieces = Pieces::drawn(&system, Truth::Articulated, &config, 10).expect("recorded");
-    assert_eq!((pieces.count(), pieces.frames(), pieces.systems.len()), (24, 20, 24));
+    assert_eq!((pieces.count(), pieces.frames(), pieces.all.systems.len()), (24, 20, 24));
     let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
     let error = |pieces: &Pieces, solver: &mut dyn Solver| mean(&pieces.compare(solver).expect("compared").error);
     // Torques act at most two frames late, so two frames before the start determine them.
@@ -27,7 +27,7 @@ fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     assert!(told > 1e-6 && told < 0.7 * described, "told {told}, as described {described}");
     // The last frames are the same, however many frames are shown before them.
     let [long, short] = [pieces.seen(99), pieces.seen(4)];
-    assert_eq!(long.states[long.before..], short.states[short.before..]);
+    assert_eq!(long.all.after(long.before), short.all.after(short.before));
     let refused = Pieces::drawn(&system, Truth::Articulated, &config, 30).map(|_| ());
     assert!(refused.expect_err("too few frames").to_string().contains("30 frames"));
 }
@@ -47,13 +47,11 @@ fn sensors_with_noise_show_what_nobody_is_judged_by() {
     let (mut clean, d) = (recording.clone(), system.robot.state_dim());
     clean.shown.clear();
     let apart = |frame: usize| {
-        let real = (0..24).flat_map(|k| recording.states[(k * 31 + frame) * d..][..2].to_vec());
-        let gaps = pieces.states[frame]
-            .chunks_exact(d)
-            .flat_map(|state| state[..2].to_vec())
-            .zip(real)
-            .map(|(a, b)| nerd_core::state::wrap(a - b).abs());
-        gaps.fold(0.0, f64::max)
+        let gap = |k: usize| {
+            let [a, b] = [pieces.all.state(k, frame), recording.state(k, frame)];
+            (0..2).map(|i| nerd_core::state::wrap(a[i] - b[i]).abs()).fold(0.0, f64::max)
+        };
+        (0..24).map(gap).fold(0.0, f64::max)
     };
     assert!((0..10).all(|frame| apart(frame) > 0.004) && (10..=30).all(|frame| apart(frame) == 0.0));
     let [seen, real] = [&recording, &clean].map(|r| tokens(&system, r, 1, Base::Trapezoid));

@@ -3,7 +3,6 @@
 //! deviations.
 
 use nerd_core::state::wrap_state;
-use nerd_sim::dataset::begin;
 use nerd_sim::rig::Rig;
 use nerd_sim::vary::Told;
 
@@ -11,7 +10,7 @@ use crate::*;
 
 const FRAMES: usize = 40;
 
-fn recorded(system: &Arc<System>) -> Recording {
+fn recorded(system: &Arc<System>) -> Trajectories {
     let config = GenerateConfig { frames: FRAMES, resets: 1.0, seed: 3, ..Default::default() };
     let solver = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
     record(system, &mut Rig::new(solver), &config, 0, 6).expect("recorded")
@@ -55,27 +54,20 @@ fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) 
     windows.history = 6;
     let model = model(&system, base, positions, &windows);
     nerd_train::prepare::normalize(&mut windows, &model.normalizer);
-    let (d, joints, n) = (system.robot.state_dim(), system.robot.joint_count(), recording.trajectories);
+    let (d, n) = (system.robot.state_dim(), recording.count);
     let mut solver = Neural::on_cpu(model.clone());
     let mut features = Features::new(&system, base);
     let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
-    let begun = begin(&system, &GenerateConfig { resets: 1.0, seed: 3, ..Default::default() }, 0, n).expect("begun");
     if system.spec.vary.is_some() {
-        (batch.systems, batch.scenes) = (begun.systems, begun.scenes);
+        (batch.systems, batch.scenes) = (recording.systems.clone(), recording.scenes.clone());
     }
     let scale: Vec<f64> = model.normalizer.outputs.scale().collect();
     let expected: Vec<Vec<f32>> = windows.x.chunks_exact(FRAMES * windows.inputs).map(|x| trained(&model, x)).collect();
     let mut worst = 0.0f64;
     for frame in 0..FRAMES {
-        let shown = |t: usize| match &recording.shown[..] {
-            [] => recording.states[(t * (FRAMES + 1) + frame) * d..][..d].to_vec(),
-            shown => shown[(t * FRAMES + frame) * d..][..d].to_vec(),
-        };
-        let before: Vec<f64> = (0..n).flat_map(shown).collect();
-        let torques: Vec<f64> =
-            (0..n).flat_map(|t| recording.torques[(t * FRAMES + frame) * joints..][..joints].to_vec()).collect();
+        let before: Vec<f64> = (0..n).flat_map(|t| recording.seen(t, frame)).copied().collect();
         batch.states.copy_from_slice(&before);
-        solver.step(&mut batch, &torques).expect("finite");
+        solver.step(&mut batch, &recording.torques_at(frame)).expect("finite");
         for env in 0..n {
             let moments = scale.iter().zip(&model.normalizer.outputs.mean);
             let change = expected[env][frame * d..].iter().zip(moments);
@@ -121,7 +113,7 @@ fn tokens_end_with_what_was_drawn() {
     let [plain, all] =
         [false, true].map(|told| tokens(&system, &recording, 1, Form { told, view: View::Moving, ..Form::default() }));
     assert_eq!(all.inputs, plain.inputs + told.count());
-    let drawn = recording.drawn.chunks_exact(recording.drawn.len() / recording.trajectories);
+    let drawn = recording.drawn.chunks_exact(recording.drawn.len() / recording.count);
     for (row, (long, short)) in all.x.chunks_exact(all.inputs).zip(plain.x.chunks_exact(plain.inputs)).enumerate() {
         let own = drawn.clone().nth(row / FRAMES).expect("drawn");
         assert_eq!(&long[..plain.inputs], short);

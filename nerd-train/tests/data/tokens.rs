@@ -5,13 +5,13 @@ use nerd_train::prepare::read;
 
 use crate::*;
 
-fn recorded(system: &Arc<System>) -> Recording {
+fn recorded(system: &Arc<System>) -> Trajectories {
     let config = GenerateConfig { transitions: 320, frames: 20, ..Default::default() };
     record(system, &mut *Truth::Articulated.solver(system), &config, 0, 16).unwrap()
 }
 
 /// The same motion on the same ground, elsewhere.
-fn moved(system: &System, here: &Recording, by: Vector3<f64>) -> Recording {
+fn moved(system: &System, here: &Trajectories, by: Vector3<f64>) -> Trajectories {
     let (mut there, nq) = (here.clone(), system.robot.nq());
     for state in there.states.chunks_exact_mut(system.robot.state_dim()) {
         let (q, qd) = state.split_at_mut(nq);

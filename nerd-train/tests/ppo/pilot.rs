@@ -22,7 +22,7 @@ fn recorded(
     share: f64,
     frames: usize,
     trajectories: usize,
-) -> (Recording, usize) {
+) -> (Trajectories, usize) {
     let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
     let pilot = Some((Arc::new(Policies::new(policies)) as _, share));

@@ -91,7 +91,7 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
         nerd_sim::log::Log { trajectories: measured.held_out.iter().map(off).collect(), ..measured.log.clone() };
     let (pieces, states) = measured.beside(&other, 3, None, 64).expect("pieces");
     assert_eq!(
-        (pieces.count(), pieces.before, pieces.frames(), &pieces.states[3][..2]),
+        (pieces.count(), pieces.before, pieces.frames(), pieces.all.state(0, 3)),
         (2, 3, 49, &measured.held_out[0].states[10][..])
     );
     let beside = Some(Beside { of: "off".into(), states, microseconds: 0.0 });
@@ -173,16 +173,11 @@ impl Solver for Spy {
 #[test]
 fn frames_before_a_start_are_shown_as_they_were() {
     let system = System::named("pendulum").expect("built in");
-    let states: Vec<Vec<f64>> = (0..6).map(|k| vec![0.1 * f64::from(k), 0.0, 0.0, 0.0]).collect();
     let scene = system.scene("free").expect("a scene");
-    let pieces = Pieces {
-        system,
-        systems: Vec::new(),
-        scenes: vec![scene],
-        before: 3,
-        torques: vec![vec![0.0; 2]; 5],
-        states: states.clone(),
-    };
+    let states = (0..6).flat_map(|k| [0.1 * f64::from(k), 0.0, 0.0, 0.0]).collect();
+    let all =
+        Trajectories { count: 1, frames: 5, scenes: vec![scene], torques: vec![0.0; 10], states, ..Default::default() };
+    let pieces = Pieces { system, before: 3, all };
     let mut spy = Spy::default();
     let report = pieces.compare(&mut spy).expect("a report");
     let seen: Vec<f64> = spy.0.iter().map(|(states, _)| states[0]).collect();

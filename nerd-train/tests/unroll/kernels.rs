@@ -39,7 +39,7 @@ const LAUNCHES: &str = "
 /// tokens, loss, its gradient, gradients by outputs and by the state before. Also returns the CPU's tokens.
 fn apart_on_cpu(
     compiler: &cpp::Compiler,
-    (body, system, motions): (&Cable, &Arc<System>, &Motions),
+    (body, system, motions): (&Cable, &Arc<System>, &Trajectories),
     starts: &[Place<View>],
 ) -> ([f64; 6], Vec<f64>) {
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
@@ -47,8 +47,8 @@ fn apart_on_cpu(
     let gradient = numbers(&body.level()).len();
     let single = |n: usize, size: f64| some(n, size).into_iter().map(|x| x as f32).collect::<Vec<f32>>();
     let (predicted, by_tokens) = (single(ROLLOUTS * rows * outputs, 0.3), single(ROLLOUTS * rows * inputs, 0.01));
-    let (upstreams, count) = (some(ROLLOUTS * state, 5.0), motions.len() * (motions.frames + 1));
-    let frames = (0..motions.len()).flat_map(|i| (0..motions.frames).map(move |k| (i, k)));
+    let (upstreams, count) = (some(ROLLOUTS * state, 5.0), motions.count * (motions.frames + 1));
+    let frames = (0..motions.count).flat_map(|i| (0..motions.frames).map(move |k| (i, k)));
     let seen: Vec<f64> = frames.flat_map(|(i, k)| motions.torques(i, k)[..6].to_vec()).collect();
     let scenes =
         motions.scenes.iter().flat_map(|scene| body.record(system, scene, colliders).expect("a scene with kernels"));
@@ -57,7 +57,7 @@ fn apart_on_cpu(
     };
     let doubles = |numbers: &[f64]| cpp::bytes(numbers, f64::to_le_bytes);
     let zeros = |size: usize, numbers: usize| vec![0; size * ROLLOUTS * numbers];
-    let read = [placed(0), placed(FRAME), motions.states().to_vec(), vec![0.0; count * state], seen, scenes.collect()];
+    let read = [placed(0), placed(FRAME), motions.states.clone(), vec![0.0; count * state], seen, scenes.collect()];
     let mut buffers = read.map(|numbers| doubles(&numbers)).to_vec();
     let singles = [&predicted, &by_tokens].map(|numbers| cpp::bytes(numbers, f32::to_le_bytes));
     buffers.extend(
@@ -127,7 +127,7 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let config = GenerateConfig { transitions: 6 * 60, frames: 60, seed: 3, ..GenerateConfig::default() };
     let solver =
         || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
-    let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
+    let motions = motions(&system, &solver, &config, &|_| ()).expect("motions");
     let (normalizer, velocity) = scales(&chain, &motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
     let body = Cable { chain, scale, loss: Loss::new(&scale, velocity, 16) };

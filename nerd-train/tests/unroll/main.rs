@@ -11,4 +11,4 @@ mod rollouts;
 use common::*;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, OUTPUTS, Rods};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
-use nerd_train::unroll::{Body, Course, Motions, Place, UnrollLearner};
+use nerd_train::unroll::{Body, Course, Place, UnrollLearner, motions, read};

@@ -25,11 +25,11 @@ fn forms() -> impl Iterator<Item = (&'static str, Form)> {
     ROBOTS.into_iter().map(|(robot, base, view)| (robot, Form { base, view, told: false }))
 }
 
-fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Motions>, Normalizer) {
+fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Trajectories>, Normalizer) {
     let system = System::named(robot).expect("built in");
     let config = GenerateConfig { transitions: 24 * 40, frames: 40, seed: 3, resets: 0.5, ..GenerateConfig::default() };
     let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::accurate(&system))) };
-    let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
+    let motions = motions(&system, &solver, &config, &|_| ()).expect("motions");
     let windows = generate(&system, &solver, &config, (1, form), &|_| ()).expect("tokens").windows;
     (system, Arc::new(motions), moments(&windows))
 }

@@ -13,14 +13,14 @@ const CABLE: &str = "[cable]\nlength = 0.4\ndiameter = 0.008\nmass = 0.03\nbendi
 struct Case {
     system: Arc<System>,
     chain: Chain,
-    motions: Arc<Motions>,
+    motions: Arc<Trajectories>,
 }
 
 fn case() -> Case {
     let system = Arc::new(System::from_toml("cable", CABLE).expect("a cable"));
     let config = GenerateConfig { transitions: 40 * 30, frames: 30, seed: 3, ..GenerateConfig::default() };
     let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::accurate(&system))) };
-    let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
+    let motions = motions(&system, &solver, &config, &|_| ()).expect("motions");
     Case { chain: Chain::of(&system).expect("a chain"), motions: Arc::new(motions), system }
 }
 
@@ -104,8 +104,8 @@ fn scenes_are_drawn_again_from_the_seed() {
     };
     let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
     generate(&system, &mut solver, "articulated accurate", &config, folder.path(), &mut |_, _| ()).expect("data");
-    let read = Motions::read(&system, "articulated accurate", folder.path()).expect("what was written");
-    assert_eq!((read.len(), read.frames), (40, 30));
+    let read = read(&system, "articulated accurate", folder.path()).expect("what was written");
+    assert_eq!((read.count, read.frames), (40, 30));
     let colliders = |scene: &Scene| scene.colliders.iter().map(|c| c.pose.translation.vector).collect::<Vec<_>>();
     for motion in 0..40 {
         assert_eq!(colliders(&read.scenes[motion]), colliders(&motions.scenes[motion]), "scene {motion}");

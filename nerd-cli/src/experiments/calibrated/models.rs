@@ -115,22 +115,18 @@ fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], befor
             Ok((found, trial.first - shown))
         };
         let from = group.iter().map(from).collect::<Result<Vec<_>>>()?;
-        let rows = |of: &dyn Fn(&Trajectory) -> &[Vec<f64>], count: usize| -> Vec<Vec<f64>> {
-            (0..count).map(|frame| from.iter().flat_map(|(t, first)| of(t)[first + frame].clone()).collect()).collect()
-        };
-        let pieces = Pieces {
-            system: own.clone(),
-            systems: Vec::new(),
-            scenes: vec![own.scene(&log.scene)?; group.len()],
-            before: shown,
-            states: rows(&|t| &t.states, shown + frames + 1),
-            torques: rows(&|t| &t.torques, shown + frames),
-        };
+        let mut all = log.cut(from, shown + frames)?;
+        all.scenes = vec![own.scene(&log.scene)?; group.len()];
+        let pieces = Pieces { system: own.clone(), before: shown, all };
         let mut recorder = Recorder::new(learned(model.clone(), own)?);
         pieces.compare(&mut recorder)?;
         for (piece, k) in group.into_iter().enumerate() {
-            let pose = |states: &Vec<f64>| states[piece * d..][..nq].to_vec();
-            let motion = [&pieces.states[shown]].into_iter().chain(&recorder.frames[shown..]).map(pose).collect_vec();
+            let rolled = recorder.frames[shown..].iter().map(|states| &states[piece * d..]);
+            let motion = [pieces.all.state(piece, shown)]
+                .into_iter()
+                .chain(rolled)
+                .map(|state| state[..nq].to_vec())
+                .collect_vec();
             found[k] = distance(own, &motion, &trials[k].measured);
         }
     }

@@ -3,9 +3,8 @@
 
 use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial};
 use nerd_sim::log::Log;
-use rand::RngExt;
 
-use super::split::{ids, still};
+use super::split::{ids, resampled, still};
 use super::{Calibration, stem, tables::listed};
 use crate::prelude::*;
 
@@ -250,10 +249,7 @@ impl Runs {
     /// trajectories with replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
         let all = self.judged.iter().collect_vec();
-        let mut rng = stream(self.settings.seed, 1);
-        let sets = (0..SETS)
-            .map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect_vec(), length))
-            .collect_vec();
+        let sets = resampled(&all, SETS, self.settings.seed, |runs| of(runs, length));
         [of(&all, length), percentile(sets.clone(), 0.025), percentile(sets, 0.975)]
     }
 

@@ -106,16 +106,20 @@ pub(super) fn still(log: &Log, trials: &[Trial]) -> Vec<Distance> {
     trials.iter().map(none).collect()
 }
 
+/// Values of `of` over `sets` resamples of `all` with replacement.
+pub(super) fn resampled<T: Clone, V>(all: &[T], sets: usize, seed: u64, of: impl Fn(&[T]) -> V) -> Vec<V> {
+    let mut rng = stream(seed, 1);
+    let mut drawn = |_| all[rng.random_range(0..all.len())].clone();
+    (0..sets).map(|_| of(&(0..all.len()).map(&mut drawn).collect_vec())).collect()
+}
+
 impl Scored {
     /// Averages distances, with 95 % intervals from resampling whole trajectories with replacement.
     pub(super) fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
         let groups = by_id.into_values().collect_vec();
-        let mut rng = stream(seed, 1);
-        let drawn =
-            |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect_vec());
-        let sets = (0..SETS).map(drawn).collect_vec();
+        let sets = resampled(&groups, SETS, seed, |groups| mean(&groups.concat()));
         let end = |share: f64| {
             let of = |field: fn(&Distance) -> f64| percentile(sets.iter().map(field).collect(), share);
             let position = of(|g| g.position);

@@ -105,8 +105,7 @@ impl Recorded {
     fn on_card(&self, pieces: &Pieces) -> Result<Vec<Row>> {
         let setting = SolverSpec::neural(&self.folder);
         let system = &pieces.system;
-        let mut begun = Batch::new(system, &pieces.scenes[0], pieces.count());
-        begun.states.copy_from_slice(&pieces.states[pieces.before]);
+        let begun = pieces.seen(0).all.begun(system);
         let row = |(precision, word): &(_, &str)| {
             let compare = |solver: &mut dyn Solver| pieces.compare(solver);
             let Timed { report, microseconds, .. } =

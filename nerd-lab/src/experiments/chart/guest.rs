@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::shown::{Against, Point};
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
-use nerd_train::{cost::powers, provenance::card_memory};
+use nerd_train::{comparison::Comparison, cost::powers, provenance::card_memory};
 
 pub(super) fn referee(python: &Path, plan: &Plan) -> Result<Referee> {
     let Plan { system, protocol: config, environments, .. } = plan;
@@ -32,28 +32,27 @@ pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
-/// Measures MuJoCo's points at powers of two of substeps. `ours` has the frames of our converged reference, called
+/// Measures MuJoCo's points at powers of two of substeps. `ours` compares with our converged reference, called
 /// `reference`.
 pub(super) fn points(
     mujoco: &mut Referee,
     plan: &Plan,
     most: usize,
-    ours: &[Vec<f64>],
+    ours: &Comparison,
     reference: &str,
 ) -> Result<(Vec<Point>, Against)> {
     let config = plan.protocol;
     let card = plan.environments.is_some();
     let own = plan.contact() || card;
-    let errors =
-        |truth: &[Vec<f64>], frames: &[Vec<f64>]| plan.errors(&mut Replay::new(truth), &mut Replay::new(frames));
     let mut against = Against { version: mujoco.version.clone(), reference: reference.into(), reference_error: None };
-    let mut theirs = Vec::new();
+    let mut theirs = None;
     if own {
         let (scheme, name) = if card { (Scheme::ImplicitFast, "implicitfast") } else { (Scheme::Euler, "Euler") };
-        theirs = mujoco.play(scheme, 4 * most, false)?.frames;
+        let finest = ours.of(mujoco.play(scheme, 4 * most, false)?.frames);
         let half = mujoco.play(scheme, 2 * most, false)?;
         against.reference = format!("MuJoCo itself, {name}, {} substeps", 4 * most);
-        against.reference_error = Some(mean(&errors(&theirs, &half.frames)?.error));
+        against.reference_error = Some(mean(&finest.errors(&mut Replay::new(&half.frames))?.error));
+        theirs = Some(finest);
     }
     let settings = settings(plan.contact(), card, most);
     let each = plan.environments.unwrap_or(config.starts);
@@ -62,7 +61,7 @@ pub(super) fn points(
     for (k, (scheme, name, substeps)) in settings.into_iter().enumerate() {
         bar.set(k as u64);
         let played = mujoco.play(scheme, substeps, true)?;
-        let report = errors(if own { &theirs } else { ours }, &played.frames)?;
+        let report = theirs.as_ref().unwrap_or(ours).errors(&mut Replay::new(&played.frames))?;
         let Some(seconds) = played.seconds else {
             bar.line(&format!("{name} x{substeps}: left out, it gave environments up"));
             continue;

@@ -4,7 +4,7 @@ use crate::prelude::*;
 use nerd_cli::roll::{begun, refusal};
 use nerd_cli::{describe::title, error::unused};
 use nerd_sim::articulated::device::has_kernels;
-use nerd_train::{cost::powers, spec::Method as Stepping, spec::RapierSpec};
+use nerd_train::{comparison::Comparison, cost::powers, spec::Method as Stepping, spec::RapierSpec};
 
 settings! {
     /// Settings of a chart: speed against accuracy.
@@ -117,8 +117,9 @@ impl Plan {
         begun(&self.system, &self.scene, self.protocol.starts, Start::Reset, self.protocol.seed)
     }
 
-    pub fn errors(&self, truth: &mut dyn Solver, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
-        passive(&self.system, &self.scene, truth, solver, self.protocol, &mut |_| ())
+    /// Rolls out a truth from the chart's starts.
+    pub fn beside(&self, truth: Box<dyn Solver>) -> Result<Comparison<'_>, StepError> {
+        Comparison::with(truth, &self.system, &self.scene, self.protocol)
     }
 }
 

@@ -22,7 +22,7 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
         let system = pieces.system.clone();
         let config = ArticulatedConfig::accurate(&pieces.system);
         let subject = Subject {
-            scene: described.scenes[k].clone(),
+            scene: described.all.scenes[k].clone(),
             engine: Engine::Articulated(config),
             lag: 0.0,
             delay: 0.0,
@@ -38,7 +38,9 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
         Ok(Arc::new(known))
     };
     let systems = (0..pieces.count()).into_par_iter().map(fitted).collect::<Result<_, _>>()?;
-    Ok(Some(Pieces { systems, ..described }))
+    let mut known = described;
+    known.all.systems = systems;
+    Ok(Some(known))
 }
 
 /// Lists the parameters to fit, of the links, joints and motors.
@@ -59,11 +61,9 @@ fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
 
 /// Cuts the frames seen of the k-th robot into rollouts.
 fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
-    let d = pieces.system.robot.state_dim();
     let nq = pieces.system.robot.nq();
-    let joints = pieces.system.robot.joint_count();
-    let state = |frame: usize| &pieces.states[frame][k * d..(k + 1) * d];
-    let torques = |frame: usize| pieces.torques[frame][k * joints..(k + 1) * joints].to_vec();
+    let state = |frame: usize| pieces.all.state(k, frame);
+    let torques = |frame: usize| pieces.all.torques(k, frame).to_vec();
     let trial = |first: usize| {
         let end = pieces.before.min(first + LENGTH);
         Trial {

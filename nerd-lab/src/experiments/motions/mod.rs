@@ -1,20 +1,21 @@
 //! Measures errors of contact points along unseen motions in new scenes, and the time of a frame.
 //!
-//! Starts, scenes and torques are drawn as for a dataset ([`nerd_sim::dataset::begin`]), from another seed. The
+//! Starts, scenes and torques are drawn as for a dataset ([`nerd_sim::dataset::record`]), from another seed. The
 //! reference is the implicit step with four times the finest solver's substeps. An error is the mean distance (m) of
 //! contact points (a cable's nodes) from the reference. Time and error come from the same frames.
 
 mod rollout;
 mod shown;
 
-use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
+use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::{Glide, Hold};
-use rayon::prelude::*;
-use rollout::{Recorded, Rollout, contact_points, distances};
+use nerd_sim::rig::rigged;
+use rollout::{Points, Rollout, distances, points};
 
 use crate::prelude::*;
 use nerd_cli::describe::title;
 use nerd_train::cost::{on_one_core, powers};
+use nerd_train::unroll;
 
 settings! {
     /// Settings: errors along motions that no solver has seen.
@@ -87,18 +88,29 @@ impl Motions {
             settings.iter().map(|setting| setting.solver(&system, self.trajectories)).collect::<Result<Vec<_>, _>>()?;
         let bar = bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
-        let recorded = self.record(&system, finest)?;
+        // Records each motion in its own batch, in parallel: one batch of few motions would use few cores.
+        let config = GenerateConfig {
+            transitions: self.trajectories * self.frames,
+            frames: self.frames,
+            seed: self.seed,
+            shard_trajectories: 1,
+            ..GenerateConfig::default()
+        };
+        let reference = ArticulatedConfig::implicit(finest, Friction::Coulomb);
+        let reference = || rigged(Box::new(Articulated::new(reference)), &system);
+        let recorded = unroll::motions(&system, &reference, &config, &|_| ())?;
+        let truth: Points = (1..=self.frames).map(|frame| points(&system, &recorded.states_at(frame))).collect();
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
             for (setting, solver) in settings.iter().zip(solvers) {
                 bar.add(1);
                 let series = if setting.is_neural() { title(setting)? } else { setting.series().to_string() };
-                rows.push(Row::new(&series, Some(setting), recorded.roll_out(solver)?, &recorded)?);
+                rows.push(Row::new(&series, Some(setting), rollout::along(&recorded, &system, solver)?, &truth)?);
             }
             let floors: [(&str, Box<dyn Solver>); 2] =
                 [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
             for (name, floor) in floors {
-                rows.push(Row::new(name, None, recorded.roll_out(floor)?, &recorded)?);
+                rows.push(Row::new(name, None, rollout::along(&recorded, &system, floor)?, &truth)?);
             }
             Ok::<_, Error>(rows)
         })?;
@@ -109,33 +121,12 @@ impl Motions {
             rows,
         })
     }
-
-    fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
-        let Self { trajectories: starts, frames, seed, .. } = *self;
-        let config = GenerateConfig { transitions: starts * frames, frames, seed, ..GenerateConfig::default() };
-        // Records each motion in its own batch, in parallel: one batch of few motions would use few cores.
-        let one = |env: usize| {
-            Ok(record(system, &mut *SolverSpec::implicit(substeps).solver(system, 1)?, &config, env as u64, 1)?)
-        };
-        let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
-        let d = system.robot.state_dim();
-        let mut data = Data::new(&system.robot);
-        let mut points = |frame: usize, own: &Recording| {
-            contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data)
-        };
-        Ok(Recorded {
-            start: begin(system, &config, 0, starts)?,
-            torques: recordings.iter().flat_map(|own| own.torques.iter().copied()).collect(),
-            points: (0..frames).map(|frame| recordings.iter().map(|own| points(frame, own)).collect()).collect(),
-            frames,
-        })
-    }
 }
 
 impl Row {
     /// Computes the errors of a rollout; `setting` is `None` for a predictor without dynamics.
-    fn new(series: &str, setting: Option<&SolverSpec>, rollout: Rollout, recorded: &Recorded) -> Result<Self> {
-        let (curve, motions) = distances(&rollout.points, &recorded.points, &rollout.failed, setting.is_some());
+    fn new(series: &str, setting: Option<&SolverSpec>, rollout: Rollout, truth: &Points) -> Result<Self> {
+        let (curve, motions) = distances(&rollout.points, truth, &rollout.failed, setting.is_some());
         bounds::figures(&format!("{series}: its mean error"), &motions)?;
         let lost = rollout.failed.len() - motions.len();
         let substeps = setting.and_then(SolverSpec::asked);

@@ -1,5 +1,7 @@
 //! Rolls solvers out along recorded motions and compares contact points with the recorded ones.
 
+use nerd_sim::instruments::Timed;
+use nerd_sim::trajectories::Trajectories;
 use nerd_train::cost::each;
 
 use crate::prelude::*;
@@ -10,16 +12,6 @@ const FAR: f64 = 10.0;
 /// Contact points (m, world): `[frame][motion][point]`.
 pub type Points = Vec<Vec<Vec<Vector3<f64>>>>;
 
-/// Motions that were recorded with the reference solver.
-pub struct Recorded {
-    /// Batch with one environment for each motion, at the motion's start and in its scene.
-    pub start: Batch,
-    /// Torques `[motion][frame][joint]` (N m or N).
-    pub torques: Vec<f64>,
-    pub points: Points,
-    pub frames: usize,
-}
-
 pub struct Rollout {
     pub points: Points,
     /// Wall time of a frame of one environment (us).
@@ -28,51 +20,40 @@ pub struct Rollout {
     pub failed: Vec<bool>,
 }
 
-impl Recorded {
-    pub fn roll_out(&self, mut solver: Box<dyn Solver>) -> Result<Rollout> {
-        let mut batch = self.start.clone();
-        let robot = &self.start.system.robot;
-        let n = self.start.len();
-        // Steps once untimed, so that memory is allocated before timing.
-        if let Err(error) = solver.step(&mut batch.clone(), &self.torques_of(0)) {
-            error.faults()?;
-        }
-        (0..n).for_each(|env| solver.reset(env));
-        let mut failed = vec![false; n];
-        let mut points = Vec::with_capacity(self.frames);
-        let mut spent = Duration::ZERO;
-        let mut data = Data::new(robot);
-        for frame in 0..self.frames {
-            let torques = self.torques_of(frame);
-            let began = Instant::now();
-            let stepped = solver.step(&mut batch, &torques);
-            spent += began.elapsed();
-            if let Err(error) = stepped {
-                for fault in error.faults()? {
-                    failed[fault.env] = true;
-                    // Resets the failed motion, so that frames cost as much as before; its errors no longer count.
-                    batch.reset(fault.env, self.start.state(fault.env));
-                    solver.reset(fault.env);
-                }
+/// Rolls a solver out along recorded motions.
+pub fn along(recorded: &Trajectories, system: &Arc<System>, mut solver: Box<dyn Solver>) -> Result<Rollout> {
+    let mut batch = recorded.begun(system);
+    let n = batch.len();
+    // Steps once untimed, so that memory is allocated before timing.
+    if let Err(error) = solver.step(&mut batch.clone(), &recorded.torques_at(0)) {
+        error.faults()?;
+    }
+    (0..n).for_each(|env| solver.reset(env));
+    let mut solver = Timed::new(solver);
+    let mut failed = vec![false; n];
+    let mut all = Vec::with_capacity(recorded.frames);
+    for frame in 0..recorded.frames {
+        if let Err(error) = solver.step(&mut batch, &recorded.torques_at(frame)) {
+            for fault in error.faults()? {
+                failed[fault.env] = true;
+                // Resets the failed motion, so that frames cost as much as before; its errors no longer count.
+                batch.reset(fault.env, recorded.state(fault.env, 0));
+                solver.reset(fault.env);
             }
-            points.push((0..n).map(|env| contact_points(robot, batch.state(env), &mut data)).collect());
         }
-        Ok(Rollout { points, microseconds: each(spent, n * self.frames), failed })
+        all.push(points(system, &batch.states));
     }
-
-    /// Torques of all motions in a frame, `[motion][joint]`.
-    fn torques_of(&self, frame: usize) -> Vec<f64> {
-        let joints = self.start.system.robot.joint_count();
-        (0..self.start.len())
-            .flat_map(|env| &self.torques[(env * self.frames + frame) * joints..][..joints])
-            .copied()
-            .collect()
-    }
+    Ok(Rollout { points: all, microseconds: each(solver.spent, n * recorded.frames), failed })
 }
 
-pub fn contact_points(robot: &Robot, state: &[f64], data: &mut Data) -> Vec<Vector3<f64>> {
-    kinematics(robot, state, data);
-    robot.contact_points.iter().map(|p| point_position(data, p.link, &p.local)).collect()
+/// Contact points in each of several states.
+pub fn points(system: &System, states: &[f64]) -> Vec<Vec<Vector3<f64>>> {
+    let (robot, mut data) = (&system.robot, Data::new(&system.robot));
+    let places = |state: &[f64]| {
+        kinematics(robot, state, &mut data);
+        robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local)).collect()
+    };
+    states.chunks_exact(robot.state_dim()).map(places).collect()
 }
 
 /// Mean distance (m) of `points` from `recorded`, by frame and by motion, over motions that are not lost. A motion is

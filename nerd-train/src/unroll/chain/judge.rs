@@ -9,16 +9,21 @@ use super::*;
 ///
 /// # Errors
 /// If the robot is not a chain, or the network is not for its number of rods.
-pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, normalizer: &Normalizer) -> Result<f64> {
+pub fn distance(
+    system: &Arc<System>,
+    motions: &Trajectories,
+    weights: &Weights,
+    normalizer: &Normalizer,
+) -> Result<f64> {
     let chain = Chain::of(system)?;
     let mut solver = ChainSolver::new(weights, normalizer, system)?;
-    let Some(first) = motions.scenes.first() else { return Ok(f64::INFINITY) };
-    let mut batch = Batch::new(system, first, motions.len());
-    batch.scenes.clone_from_slice(&motions.scenes);
-    (0..motions.len()).for_each(|i| batch.reset(i, motions.state(i, 0)));
+    if motions.count == 0 {
+        return Ok(f64::INFINITY);
+    }
+    let mut batch = motions.begun(system);
     let mut total = 0.0;
     for frame in 0..motions.frames {
-        let torques = (0..motions.len()).flat_map(|i| motions.torques(i, frame).iter().copied()).collect_vec();
+        let torques = motions.torques_at(frame);
         match solver.step(&mut batch, &torques) {
             Err(StepError::Environments(_)) => return Ok(f64::INFINITY),
             done => done?,
@@ -28,9 +33,9 @@ pub fn distance(system: &Arc<System>, motions: &Motions, weights: &Weights, norm
             apart(&chain, &reached, &truth) / chain.rods as f64
         };
         // Sum in order, so that the bits do not depend on the number of threads.
-        total += (0..motions.len()).into_par_iter().map(off).collect::<Vec<_>>().iter().sum::<f64>();
+        total += (0..motions.count).into_par_iter().map(off).collect::<Vec<_>>().iter().sum::<f64>();
     }
-    Ok(total / (motions.len() * motions.frames) as f64)
+    Ok(total / (motions.count * motions.frames) as f64)
 }
 
 /// Sum over all nodes of the distance between their positions in `a` and in `b` (m).
@@ -41,7 +46,13 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
 
 /// Error of predicted rod rates after one frame, relative to their true change over the frame. Taken at `frames` evenly
 /// spaced frames.
-pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
+pub(super) fn missed(
+    chain: &Chain,
+    motions: &Trajectories,
+    network: &Loaded,
+    scale: &[f64; OUTPUTS],
+    frames: usize,
+) -> f64 {
     ratio(motions, frames, Memory::default, |memory, motion, frame| {
         let before = chain.rods(motions.state(motion, frame));
         let truth = chain.rods(motions.state(motion, frame + 1));

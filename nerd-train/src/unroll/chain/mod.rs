@@ -50,14 +50,14 @@ impl Body for Cable {
         View::new(if round { yaw } else { 0.0 }, round && mirrored)
     }
 
-    fn truth(&self, motions: &Motions, Place { motion, frame, view }: &Place<View>) -> Rods {
+    fn truth(&self, motions: &Trajectories, Place { motion, frame, view }: &Place<View>) -> Rods {
         view.rods(&self.chain, &self.chain.rods(motions.state(*motion, *frame)))
     }
 
     fn look(
         &self,
         rods: &Rods,
-        (motions, place): (&Motions, &Place<View>),
+        (motions, place): (&Trajectories, &Place<View>),
         (): &mut (),
         tokens: &mut Vec<f32>,
     ) -> Look {
@@ -115,7 +115,7 @@ impl Body for Cable {
         rods.finite() && apart(&self.chain, rods, truth) <= ASTRAY * self.chain.rods as f64
     }
 
-    fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
+    fn missed(&self, motions: &Trajectories, network: &Loaded, frames: usize) -> f64 {
         missed(&self.chain, motions, network, &self.scale, frames)
     }
 }

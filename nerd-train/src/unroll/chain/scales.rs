@@ -11,8 +11,8 @@ const LEAST: f64 = 1e-9;
 /// A rod's outputs have two scales: twice the mean change of its rate (1/s), and twice the trapezoid rule's mean error
 /// of its direction. The scales of the gripper's outputs are the mean errors of its glide, its motion under its drives
 /// alone.
-pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
-    let total = motions.len() * motions.frames;
+pub fn scales(chain: &Chain, motions: &Trajectories) -> (Normalizer, f64) {
+    let total = motions.count * motions.frames;
     let step = total.div_ceil(FRAMES).max(1);
     let frames = (0..total).step_by(step).collect_vec();
     let sizes: Vec<[f64; 15]> =
@@ -31,7 +31,7 @@ pub fn scales(chain: &Chain, motions: &Motions) -> (Normalizer, f64) {
 
 /// Mean absolute values in one frame. In order: change of rod rates (1/s), the trapezoid rule's error of rod
 /// directions, change of node velocities (m/s), errors of the gripper's glide.
-fn sizes(chain: &Chain, motions: &Motions, motion: usize, frame: usize) -> [f64; 15] {
+fn sizes(chain: &Chain, motions: &Trajectories, motion: usize, frame: usize) -> [f64; 15] {
     let (before, after) = (chain.rods(motions.state(motion, frame)), chain.rods(motions.state(motion, frame + 1)));
     let mut sizes = [0.0; 15];
     let mut moved = Rods::zeros(chain.rods);
