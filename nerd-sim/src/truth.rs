@@ -3,8 +3,8 @@
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]
-use crate::system::truth::{ITERATIONS, STEPS};
-pub use crate::system::truth::{RECORDED, Truth};
+use crate::robots::truth::{ITERATIONS, STEPS};
+pub use crate::robots::truth::{RECORDED, Truth};
 use crate::{internal::*, rig::rigged};
 
 impl Truth {

@@ -7,5 +7,6 @@ pub(crate) mod mesh;
 pub(crate) mod mjcf;
 pub(crate) mod motors;
 pub(crate) mod spec;
+pub(crate) mod truth;
 pub(crate) mod vary;
 pub(crate) mod world;

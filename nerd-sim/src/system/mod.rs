@@ -10,7 +10,6 @@ mod meet;
 mod merge;
 mod model;
 pub(crate) mod start;
-pub(crate) mod truth;
 mod validate;
 mod visuals;
 

@@ -203,7 +203,7 @@ impl<'a> Rollout<'a> {
         for k in (t * self.frames..(t + 1) * self.frames).rev() {
             let states = &trace.states[k * n * d..][..n * d];
             let torques = &trace.torques[k * n * joints..][..n * joints];
-            let found = frames.back(states, torques, &mut behind.by_states)?;
+            let found = frames.step_back(states, torques, &mut behind.by_states)?;
             add(&mut behind.by_torques, &found);
             behind.each(|env, Env { gradient, by_torques, by_action }, work| {
                 let action = numbers(&drawn[env * a..][..a]);

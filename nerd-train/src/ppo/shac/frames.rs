@@ -22,7 +22,7 @@ impl<'a> Frames<'a> {
     /// Replaces `behind`, gradients with respect to the states after a frame, by gradients with respect to the states
     /// before it. Returns gradients with respect to torques. In place of an excluded environment, the solver steps a
     /// copy of another one.
-    pub fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
+    pub fn step_back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
         let n = self.batch.len();
         let robot = &self.batch.system.robot;
         let d = robot.state_dim();
