@@ -6,7 +6,7 @@ use nerd_core::dynamics::totals;
 use nerd_core::state::wrap;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real};
-use rand::RngExt;
+use rand::{Rng, RngExt};
 
 use super::text::Dice;
 use crate::prelude::*;
@@ -233,20 +233,7 @@ fn gain(
     let nq = system.robot.nq();
     let joints = system.robot.joint_count();
     for env in 0..envs {
-        let start = &start.toss[env % grounds];
-        let state = batch.state_mut(env);
-        let mut drawn = |size: f64| Vector3::from_fn(|_, _| dice.random_range(-1.0..1.0f64)).normalize() * size;
-        let turn = drawn(3.0);
-        let w = drawn(start.spin);
-        let v = drawn(start.speed);
-        let place = Vector3::z() * start.height;
-        state[..3].copy_from_slice(place.as_slice());
-        let half = 0.5 * turn.norm();
-        state[3..6].copy_from_slice((turn * (half.sin() / turn.norm())).as_slice());
-        state[6] = half.cos();
-        state[nq..nq + 3].copy_from_slice(w.as_slice());
-        state[nq + 3..nq + 6].copy_from_slice((v - w.cross(&place)).as_slice());
-        state[nq + 6..].iter_mut().for_each(|x| *x = start.rate * dice.random_range(-1.0..1.0));
+        toss(&start.toss[env % grounds], batch.state_mut(env).split_at_mut(nq), &mut dice);
     }
     let mut energy = |state: &[f64], env: usize| {
         let own = totals(&system.robot, state, &mut data);
@@ -270,16 +257,9 @@ fn gain(
         for (env, ((work, effort), (first, size))) in work.iter_mut().zip(&begun).enumerate() {
             let now = batch.state(env);
             let then = &before[env * system.robot.state_dim()..];
-            for (k, joint) in system.robot.joints().enumerate() {
-                let mut way = now[7 + k] - then[7 + k];
-                if joint.wraps() {
-                    // Unwraps the angle: beyond half a turn in a frame, the joint velocity tells the number of turns.
-                    let told = 0.5 * system.frame_time * (now[nq + 6 + k] + then[nq + 6 + k]);
-                    way = told + wrap(way - told);
-                }
-                let done = torques[env * joints + k] * way;
-                *work += done;
-                *effort += done.abs();
+            for (way, torque) in ways(system, then, now).zip(&torques[env * joints..]) {
+                *work += torque * way;
+                *effort += (torque * way).abs();
             }
             let share = (energy(batch.state(env), env).0 - first - *work) / (size + *effort);
             if share > worst.share || share.is_nan() {
@@ -288,4 +268,34 @@ fn gain(
         }
     }
     Ok(worst)
+}
+
+/// Draws a free root's pose and velocities, and joint velocities, in the ranges of `toss`.
+fn toss(toss: &Toss, (q, qd): (&mut [f64], &mut [f64]), dice: &mut impl Rng) {
+    let mut drawn = |size: f64| Vector3::from_fn(|_, _| dice.random_range(-1.0..1.0f64)).normalize() * size;
+    let turn = drawn(3.0);
+    let w = drawn(toss.spin);
+    let v = drawn(toss.speed);
+    let place = Vector3::z() * toss.height;
+    q[..3].copy_from_slice(place.as_slice());
+    let half = 0.5 * turn.norm();
+    q[3..6].copy_from_slice((turn * (half.sin() / turn.norm())).as_slice());
+    q[6] = half.cos();
+    qd[..3].copy_from_slice(w.as_slice());
+    qd[3..6].copy_from_slice((v - w.cross(&place)).as_slice());
+    qd[6..].iter_mut().for_each(|x| *x = toss.rate * dice.random_range(-1.0..1.0));
+}
+
+/// Turn (rad) or travel (m) of each joint over a frame, from state `then` to state `now`.
+fn ways<'a>(system: &'a System, then: &'a [f64], now: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+    let velocity = system.robot.nq() + 6;
+    system.robot.joints().enumerate().map(move |(k, joint)| {
+        let way = now[7 + k] - then[7 + k];
+        if !joint.wraps() {
+            return way;
+        }
+        // Unwraps the angle: beyond half a turn in a frame, the joint velocity gives the number of turns.
+        let expected = 0.5 * system.frame_time * (now[velocity + k] + then[velocity + k]);
+        expected + wrap(way - expected)
+    })
 }

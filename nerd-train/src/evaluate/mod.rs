@@ -9,16 +9,16 @@
 
 use std::fmt;
 
-use nerd_sim::dataset::{Act, Drive, Smooth};
-
 mod gaps;
 mod held;
 mod pieces;
+mod random;
 mod tally;
 
 pub use gaps::{Gaps, quantities, summary, summary_names};
 pub use held::Held;
 pub use pieces::Pieces;
+use random::Random;
 pub use tally::PassiveReport;
 use tally::Tally;
 
@@ -123,14 +123,10 @@ pub fn passive(
     });
     let first = real.clone();
     let mut tally = Tally::new(system, n);
-    let (mut controller, mut drive) = (Controller::new(system), Drive::new(system));
-    let mut streams = (0..n as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect_vec();
-    let mut curves: Vec<_> = match config.action {
-        Action::Random(factor) => {
-            let curve = |(env, rng): (usize, &mut _)| Smooth::new(system, real.state(env), factor, rng);
-            streams.iter_mut().enumerate().map(curve).collect()
-        }
-        _ => Vec::new(),
+    let mut controller = Controller::new(system);
+    let mut random = match config.action {
+        Action::Random(factor) => Some(Random::new(&real, factor, config.seed.wrapping_add(1))),
+        _ => None,
     };
     let held = config.held(system);
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
@@ -139,24 +135,14 @@ pub fn passive(
             real.drives = held.drives((step - 1) / held.every, n);
             learned.drives.clone_from(&real.drives);
         }
-        match config.action {
-            Action::Limp | Action::Held(_) | Action::Recorded(_) => {}
-            Action::Zero => {
-                for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
-                    for env in 0..n {
-                        controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
-                    }
+        if let Some(random) = &mut random {
+            random.draw(&real, &mut torques[0]);
+            torques[1] = torques[0].clone();
+        } else if config.action == Action::Zero {
+            for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
+                for env in 0..n {
+                    controller.torques(batch.state(env), &action, &mut torques[env * joints..(env + 1) * joints]);
                 }
-            }
-            Action::Random(factor) => {
-                for (env, rng) in streams.iter_mut().enumerate() {
-                    let out = &mut torques[0][env * joints..(env + 1) * joints];
-                    match &mut curves[env] {
-                        Some(curve) => curve.torques(real.state(env), scene, rng, out),
-                        None => drive.draw(real.state(env), factor, rng, out),
-                    }
-                }
-                torques[1] = torques[0].clone();
             }
         }
         truth.step(&mut real, &torques[0])?;

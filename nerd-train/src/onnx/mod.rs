@@ -90,19 +90,7 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     let (seen, sizes) = input(policy);
     graph.port(11, seen, &sizes);
     graph.port(12, "action", &[shape.action]);
-    let mut x = seen;
-    if shape.stack > 1 {
-        for (name, k) in [("zero", 0), ("one", 1), ("last", shape.stack - 1), ("all", shape.stack)] {
-            graph.index(name, k);
-        }
-        for (part, from, to) in [("newest", "zero", "one"), ("later", "zero", "last"), ("earlier", "one", "all")] {
-            graph.node("Slice", &[seen, from, to, "one"], part, None);
-        }
-        graph.node("Sub", &["later", "earlier"], "differences", None);
-        graph.node("Concat", &["newest", "differences"], "stacked", Some(1));
-        graph.node("Flatten", &["stacked"], "flat", Some(1));
-        x = "flat";
-    }
+    let x = if shape.stack > 1 { stacked(&mut graph, seen, shape.stack) } else { seen };
     let columns = 0..shape.inputs();
     graph.floats("mean", &[columns.len()], policy.seen.mean.iter().map(|x| *x as f32));
     graph.floats("inverse", &[columns.len()], columns.map(|k| policy.seen.scale(k).recip() as f32));
@@ -113,7 +101,35 @@ pub fn model(policy: &Policy) -> Vec<u8> {
         graph.floats(&format!("minus {name}"), &[], [-bound]);
     }
     graph.node("Clip", &["scaled", "minus widest", "widest"], "normalised", None);
-    let mut x = "normalised".to_string();
+    let x = layers(&mut graph, "normalised", policy);
+    graph.node("Clip", &[&x, "minus most", "most"], "action", None);
+    graph.0.bytes(2, "policy");
+    let [operators, format] = versions(shape.activation);
+    let mut model = Message::default();
+    model.number(1, format).bytes(2, PRODUCER).bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
+    model.message(8, |set| _ = set.bytes(1, "").number(2, operators));
+    model.0
+}
+
+/// Adds the nodes that replace a stack of observations by the newest one and the differences between neighbours.
+/// Returns the name of the result.
+fn stacked(graph: &mut Graph, seen: &str, stack: usize) -> &'static str {
+    for (name, k) in [("zero", 0), ("one", 1), ("last", stack - 1), ("all", stack)] {
+        graph.index(name, k);
+    }
+    for (part, from, to) in [("newest", "zero", "one"), ("later", "zero", "last"), ("earlier", "one", "all")] {
+        graph.node("Slice", &[seen, from, to, "one"], part, None);
+    }
+    graph.node("Sub", &["later", "earlier"], "differences", None);
+    graph.node("Concat", &["newest", "differences"], "stacked", Some(1));
+    graph.node("Flatten", &["stacked"], "flat", Some(1));
+    "flat"
+}
+
+/// Adds the layers of a policy on the input `x`. Returns the name of the mean action.
+fn layers(graph: &mut Graph, x: &str, policy: &Policy) -> String {
+    let shape = &policy.shape;
+    let mut x = x.to_string();
     let widths = shape.widths();
     let mut at = 0;
     for (layer, pair) in widths.windows(2).enumerate() {
@@ -140,13 +156,7 @@ pub fn model(policy: &Policy) -> Vec<u8> {
             x = out;
         }
     }
-    graph.node("Clip", &[&x, "minus most", "most"], "action", None);
-    graph.0.bytes(2, "policy");
-    let [operators, format] = versions(shape.activation);
-    let mut model = Message::default();
-    model.number(1, format).bytes(2, PRODUCER).bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
-    model.message(8, |set| _ = set.bytes(1, "").number(2, operators));
-    model.0
+    x
 }
 
 /// Name of the producer, written into the ONNX file.

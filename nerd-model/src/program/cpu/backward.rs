@@ -90,22 +90,15 @@ impl Loaded {
                     Some(back) => back.add_product(&dy, &mut dx),
                     None => {}
                 }
-                let (inner, outer) = (self.program.width(from), self.program.width(to));
                 if let Some(gradient) = gradient {
-                    let n = dy.len() / outer;
-                    let w = self.tensor(weight);
-                    cut.cut(n, &dy);
+                    let outer = self.program.width(to);
+                    cut.cut(dy.len() / outer, &dy);
                     cut.across(x, &mut gradient[range(weight)]);
                     if let Some(bias) = bias {
                         sum_rows(&dy, &mut gradient[range(bias)]);
                     }
                     if let Some(scale) = scale {
-                        let mut norms = vec![0.0; inner];
-                        let rows = gradient[range(weight)].chunks_exact_mut(outer).zip(w.chunks_exact(outer));
-                        for ((d, s), (d_row, row)) in norms.iter_mut().zip(self.tensor(scale)).zip(rows) {
-                            *d = d_row.iter().zip(row).map(|(d, x)| d * x).sum();
-                            d_row.iter_mut().for_each(|d| *d *= s);
-                        }
+                        let norms = self.unfold(weight, scale, &mut gradient[range(weight)], outer);
                         gradient[range(scale)].copy_from_slice(&norms);
                     }
                 }
@@ -141,5 +134,18 @@ impl Loaded {
         if to != from {
             by_value[from.0] = dx;
         }
+    }
+
+    /// Turns the gradient of a matrix with a norm's scale folded in, `diag(s) W`, into that of W. Returns the gradient
+    /// of s.
+    fn unfold(&self, weight: Weight, scale: Weight, gradient: &mut [f32], outer: usize) -> Vec<f32> {
+        let w = self.tensor(weight);
+        let mut norms = vec![0.0; w.len() / outer];
+        let rows = gradient.chunks_exact_mut(outer).zip(w.chunks_exact(outer));
+        for ((d, s), (d_row, row)) in norms.iter_mut().zip(self.tensor(scale)).zip(rows) {
+            *d = d_row.iter().zip(row).map(|(d, x)| d * x).sum();
+            d_row.iter_mut().for_each(|d| *d *= s);
+        }
+        norms
     }
 }
