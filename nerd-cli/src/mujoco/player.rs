@@ -122,7 +122,7 @@ fn opening(model: Model, onnx: &Path, contract: &Contract, batch: &Batch) -> Res
 /// Observation and action of a step, then torques and the state after them for each of its frames, as in [`Frame`].
 type Answer = (Vec<f64>, Vec<f64>, Vec<(Vec<f64>, Option<Vec<f64>>)>);
 
-/// Asks for a step of the live games, and refuses an answer that does not fit the contract.
+/// Asks MuJoCo for one step of the unfinished episodes; refuses an answer that does not fit the contract.
 fn ask(python: &mut Python, message: &serde_json::Value, contract: &Contract, joints: usize) -> Result<Vec<Answer>> {
     let answers: Vec<Answer> = python.ask(message)?;
     let fits = |(observed, action, frames): &Answer| {
@@ -137,7 +137,7 @@ fn ask(python: &mut Python, message: &serde_json::Value, contract: &Contract, jo
     Ok(answers)
 }
 
-/// Refuses a policy that its contract alone does not describe.
+/// Refuses a policy whose contract does not describe all its observations and its action law.
 fn by_contract(contract: &Contract) -> Result<()> {
     if let Some(unknown) = contract.unknown().first() {
         bail!(

@@ -59,7 +59,7 @@ pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, Str
     panics::caught(of).map_err(|said| format!("panic, please report: {}", said.replace('\n', " "))).flatten()
 }
 
-/// Degrees of freedom above which the implicit step is solved along the tree. By its dense matrix, a chain of a
+/// Degrees of freedom above which the implicit step is solved along the tree. With the dense matrix, a chain of a
 /// thousand links takes minutes.
 const DEEP: usize = 100;
 

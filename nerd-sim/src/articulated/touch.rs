@@ -40,7 +40,7 @@ pub(super) struct Contact {
     pub(super) material: Material,
     pub(super) whole: Material,
     pub(super) normal: Vector3<f64>,
-    /// Gap (m) at the middle of the substep, and mean gap over the part inside.
+    /// Gap (m) at the substep's middle, and mean gap while the point is inside the surface.
     pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,

@@ -89,7 +89,7 @@ pub struct CalibratedAll {
     pub notes: Vec<String>,
     /// Number of trajectories, and number of rollouts cut from them.
     pub sizes: [usize; 2],
-    /// Error of a predictor without motion, which repeats the start, on the test part of every split.
+    /// Error of predicting no motion (the start, repeated), on the test part of every split.
     pub still: Vec<Scored>,
     #[serde(default)]
     pub published: Vec<Published>,

@@ -43,7 +43,7 @@ settings! {
         episodes: usize = 2048, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Device of the learned simulator, or with --family of the truth: cpu or cuda
+        /// Device that steps the learned simulator (with --family: the truth): cpu or cuda
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
 }

@@ -107,7 +107,7 @@ pub fn terms(rows: &[Row]) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new("terms", header).with(lines).noted("In the truth, mean of all steps."))
 }
 
-/// Writes an error in the task's unit; for a task without unit, as a multiple of the tolerance.
+/// Writes an error times its tolerance, in the task's unit; without a stored tolerance, the error itself.
 fn in_unit(row: &Row, error: f64) -> String {
     let (tolerance, unit) = row.tolerance.as_ref().map_or((1.0, ""), |(tolerance, unit)| (*tolerance, unit));
     format!("{:.3}{}{unit}", error * tolerance, if unit.is_empty() { "" } else { " " })

@@ -83,7 +83,7 @@ BIG void accelerations(const Tree& t, const real* qd, V3 gravity, Motion* out) {
     });
 }
 
-// First half of the adjoint of `-virtual . RNEA(q, qd, qdd)` at virtual rates b.own => gradients w.r.t. link motions.
+// Begins the adjoint of `-u . RNEA(q, qd, qdd)` with virtual rates u = b.own => gradients w.r.t. link motions.
 BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
     twists(t, b.own, b.virtuals);
     for_up<0, NL>([&](auto i) {

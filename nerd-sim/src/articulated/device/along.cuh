@@ -94,7 +94,7 @@ BIG bool factorise(Tree& t, Along& f, const double* joints) {
     return true;
 }
 
-// Replaces a wrench x on the root by the root's acceleration, by the factor of its inertia.
+// Solves for the root's acceleration with f.root, the factor of its inertia: wrench x => acceleration x.
 FN void root_solve(const Along& f, double* x) {
     for (int r = 0; r < 6; r++) {
         for (int k = 0; k < r; k++) x[r] -= f.root[LOWER(r, k)] * x[k];

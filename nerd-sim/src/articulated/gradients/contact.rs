@@ -63,7 +63,7 @@ impl Acting<'_> {
         inputs.along - inputs.by_bend
     }
 
-    /// The normal force at the substep's start, where the torque follows that one.
+    /// The normal force at the substep's start, if the torque depends on it, not on the stage's.
     fn then(&self) -> Option<&Press> {
         self.turn.and_then(|turn| turn.then.as_ref())
     }

@@ -10,12 +10,12 @@ pub(super) struct Forward<'a> {
     pub(super) contact: &'a Contact,
     pub(super) at: &'a At,
     pub(super) change: Vector3<f64>,
-    /// Normal velocity at the start in the stage, its change, and the one at the substep's start, where thetas are
+    /// Normal velocity (m/s): `vn` of the contact's `start`, `dn` its change, `vn_then` of `velocity`, where thetas are
     /// chosen.
     pub(super) vn: f64,
     pub(super) dn: f64,
     pub(super) vn_then: f64,
-    /// Whether the damper sees the point part, and whether it did at the substep's start; the damping of each.
+    /// Whether the point parts from the surface, now and at the substep's start; damping (N s/m) of each.
     pub(super) parting: bool,
     pub(super) then_parting: bool,
     pub(super) d: f64,

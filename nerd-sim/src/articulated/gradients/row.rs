@@ -8,8 +8,8 @@ use super::super::spin::arm;
 use super::numbers::{COM, Numbers, ORIGIN};
 use crate::prelude::*;
 
-/// Gradients with respect to a substep's inputs. A free root's gradients are in world axes. Their parts refer to a
-/// rotation, a displacement of the root's origin, its angular velocity and its origin's velocity.
+/// Gradients with respect to a substep's inputs. A free root's gradients are in world axes. First in `pose` are its
+/// rotation and its origin's displacement; first in `speed`, its angular velocity and its origin's velocity.
 pub(super) struct Row {
     pub(super) pose: Vec<f64>,
     pub(super) speed: Vec<f64>,
@@ -25,8 +25,8 @@ pub(super) struct Row {
     pub(super) across: Vec<f64>,
     pub(super) damping_used: Vec<f64>,
     pub(super) shares: Vec<f64>,
-    /// Gradient with respect to the wrenches (N, N m) that contacts hold with. `held` comes from later stages and acts
-    /// on this stage's wrenches. `holds` is that of this stage, and goes to the stage before.
+    /// Gradient with respect to the wrenches (N, N m) that contacts hold with. `held` is of this stage's
+    /// wrenches, from later stages; `holds` is of the wrenches of the stage before, from this stage.
     pub(super) held: Vec<Motion>,
     pub(super) holds: Vec<Motion>,
     /// Gradient with respect to the wrenches held at the substep's start, summed over all its stages.
@@ -116,7 +116,7 @@ impl Row {
         }
     }
 
-    /// Moves gradients from displacements of links to the pose's DoFs and the joints' positions on the links above. The
+    /// Chain rule from displacements of links to the pose's DoFs and the joints' origins on their parent links. The
     /// gradient with respect to a root's displacement gets `self.way` instead. `implicit`: whether the substep is
     /// implicit.
     pub(super) fn unload(&mut self, robot: &Robot, data: &Data, implicit: bool) {

@@ -95,8 +95,8 @@ impl Solved<'_> {
         }
     }
 
-    /// Backward pass over the forces of touches. Returns the gradient `by_turn` with respect to the root's `w x v`,
-    /// with theirs added.
+    /// Backward pass over the forces of touches. Adds theirs to `by_turn`, the gradient with respect to the root's
+    /// `w x v`, and returns it.
     fn back_through_touches(
         &self,
         virtuals: &[f64],

@@ -26,8 +26,8 @@ pub(crate) struct Ground {
 }
 
 impl Ground {
-    /// The ground of the data's scene under gravity, from a TOML, else from the robot's file; level ground if neither
-    /// has one.
+    /// Finds the ground of the scene `data_scene`: from a TOML, else the robot's file or a built-in world,
+    /// else level.
     pub fn of(own: &Table, file: &Description, (stands, surfaces): (&[Collider], &Surfaces)) -> Self {
         let key = |key: &str| own.get(key).or_else(|| file.keys.get(key));
         let gravity =

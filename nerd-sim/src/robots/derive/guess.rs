@@ -45,7 +45,7 @@ const MAX_KEPT_POINTS: usize = 24;
 const MAX_START_VELOCITY: f64 = 3.0;
 
 /// Whether a robot walks, rolls or flies and so has a free base. True if it has no joints, or if at zero coordinates
-/// two or more limbs reach lower than everything else. `robot` has a free base.
+/// two or more limbs reach lower than everything else. Pass `robot` as read with a free base.
 pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || Limbs::new(robot, &robot.zero_state(), &Vector3::z()).walks()
 }

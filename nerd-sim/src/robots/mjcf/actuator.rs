@@ -148,7 +148,7 @@ impl Actuator {
         if targets.len() > 1 {
             return Err(e.refused(format!("{} are its targets; write one", targets.join(" and "))));
         }
-        // An actuator with a fixed gain has a single input.
+        // Refuses any `input` except a single one of these: the laws read here have one input.
         if let Some(input) =
             e.word("input").filter(|input| !["pos", "vel", "pressure", "quat", "expmap"].contains(input))
         {

@@ -113,7 +113,7 @@ pub(super) fn sized(
         Type::Box | Type::Ellipsoid => 3,
         _ => 0,
     };
-    // With the ends of a segment, only the radius is needed.
+    // With `fromto`, only `size[0]` is needed: the radius or half width.
     let needed = if fitted { 0 } else { needed.min(if ends.is_some() { 1 } else { 3 }) };
     if size[..needed].iter().any(|x| *x <= 0.0) || kind == Type::Plane && size[2] <= 0.0 {
         return Err(e.refused(format!("size {size:?}: numbers above zero are needed for its type")));

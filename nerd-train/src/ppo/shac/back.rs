@@ -127,7 +127,7 @@ impl<'a> Rollout<'a> {
         (0..self.n).filter(|env| ends[*env] == TRUNCATED || (last && ends[*env] == 0)).collect()
     }
 
-    /// Observations of the environments `asked` after a step; `cut` is the step's first one of a truncated episode.
+    /// Observations of the environments `asked` after a step; `cut`: the step's first index in `steps.cut`.
     fn rows_after(&self, t: usize, asked: &[usize], cut: usize) -> Vec<f64> {
         let Self { steps, n, width, .. } = *self;
         let ends = self.ends(t);
@@ -146,7 +146,7 @@ impl<'a> Rollout<'a> {
     }
 
     /// Gradients with respect to the observations of the environments `asked`, through their bootstrap values. Also
-    /// returns the part of these values in J.
+    /// returns the contribution of these values to J.
     fn back_through_value(
         &self,
         t: usize,
@@ -163,13 +163,13 @@ impl<'a> Rollout<'a> {
         })
     }
 
-    /// Part of a step's rewards in J.
+    /// Contribution of a step's rewards to J.
     fn rewarded(&self, t: usize) -> f64 {
         let Self { steps, n, scale, .. } = *self;
         (0..n).map(|env| scale * self.shares[t * n + env] * steps.rewards[t * n + env]).sum()
     }
 
-    /// Starts a step of one environment at its end: through the reward, and through the next observation where `by_row`
+    /// Begins a step's backward pass in one environment: through the reward, and the next observation where `by_row`
     /// is given.
     fn back_through_end(&self, t: usize, env: usize, by_row: Option<&[f64]>, by: Env, work: &mut Work) {
         let Env { gradient, by_torques, by_action } = by;

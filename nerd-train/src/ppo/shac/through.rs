@@ -13,7 +13,7 @@ pub(super) enum By {
     Parameters,
 }
 
-/// Gradients through a network, with respect to raw observations or to parameters, summed in order. For each row, `say`
+/// Gradients through a network, with respect to raw observations, or to parameters (summed). For each row, `say`
 /// reads the outputs, writes the gradient with respect to these outputs and returns a number. Also returns the sum of
 /// these numbers.
 pub(super) fn through(
