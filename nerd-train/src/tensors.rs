@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 
 use crate::prelude::*;
 
-/// Arrays and metadata, to be written or as read.
+/// Arrays and metadata of a safetensors file.
 #[derive(Default)]
 pub(crate) struct Tensors {
     path: PathBuf,

@@ -18,7 +18,7 @@ pub enum Ask {
     Reset,
     /// Swaps the solver and keeps the present state: index in the page's list of solvers.
     Solver(usize),
-    /// Sets the substeps a frame of a solver that lets them be chosen: from 1 to 64.
+    /// Sets the substeps per frame, from 1 to 64, of a solver with this setting.
     Substeps(usize),
     /// Selects a robot: index in the page's list of robots.
     Robot(usize),

@@ -1,7 +1,7 @@
-// The page of `cargo xtask live`: asks for the latest frame, paints it with the painter of replays, and says what the visitor does.
+// The page of `cargo xtask live`: fetches and paints the latest frame, and sends the visitor's inputs as requests.
 function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
   const by = id => document.getElementById(id), seen = by("seen"), drawn = by("drawn");
-  // One after the other, so that they arrive in their order.
+  // Sends requests one at a time, so that they arrive in order.
   let asks = Promise.resolve();
   const post = what => fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(what) })
     .then(async answer => { by("refused").textContent = answer.ok ? "" : await answer.text(); }).catch(() => {});
@@ -28,7 +28,7 @@ function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
     return scale;
   };
 
-  // Distance of the ghost (filled) and microseconds of both, over the last frames, each from 0 to its own largest.
+  // Plots the ghost's distance and both solvers' times over the last frames; the times share one scale.
   function figures() {
     const context = drawn.getContext("2d"), scale = size(drawn);
     context.clearRect(0, 0, drawn.width, drawn.height);
@@ -97,7 +97,7 @@ function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
     changed = false;
     const began = performance.now();
     paint();
-    // Nobody reads faster.
+    // Updates plots and numbers every 0.1 s at most while the motion runs.
     if (state.paused || now - told > 100) {
       figures();
       told = now;

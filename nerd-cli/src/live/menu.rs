@@ -55,8 +55,8 @@ pub(super) fn chosen<'a, T>(what: &str, all: &'a [T], k: usize, first: usize) ->
 
 impl Menu {
     /// Lists all that ships with the project, and the given robot, policy and models. Without `scene`, the scene is
-    /// `ground` if the robot has it. Else it is the first after `free` if the base is floating or the robot has scenes,
-    /// else `free`.
+    /// `ground` if the robot has it. Else it is `free`, or the next scene if the base is floating or the robot has
+    /// scenes of its own.
     pub fn new(robot: Option<&str>, scene: Option<&str>, policy: Option<&Path>, models: &[PathBuf]) -> Result<Self> {
         let mut robots = [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect_vec();
         let mut policies = shipped::policies("")?;

@@ -106,7 +106,7 @@ class Model:
                 data.qpos[at] = model.qpos0[at] + sum(c * x**n for n, c in enumerate(model.eq_data[k, :5]))
 
     def watch(self, data):
-        """Extends the recorded bounds of contact parameters with the world."""
+        """Extends the recorded bounds on the parameters of contacts with the world."""
         if not data.ncon:
             return
         contact = data.contact

@@ -11,8 +11,8 @@ Every other line is one of these requests:
   the columns of `along`. Answer: qacc along them.
 - `stand`: a state, stepped `steps` times by `frame_time` with actuators off, joints held at `target` by gains `kp` and
   `kd`. Answer: the last state, or null. With `floor`, a file without ground contact gets a plane.
-- `move`: states, stepped a frame of `substeps` under `forces` on all DoF. Answer: the next states, or null. Each keeps
-  its warm start.
+- `move`: states, stepped a frame of `substeps` under `forces` on all DoF. Answer: the next states, or null. MuJoCo's
+  data of each index, with its warm start, serves the next request too.
 """
 
 import json

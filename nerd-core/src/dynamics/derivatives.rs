@@ -91,7 +91,7 @@ fn columns(robot: &Robot, gravity: &Vector3<f64>, data: &Data) -> Vec<Column> {
     };
     let root = |k: usize| {
         let axis = Motion::unit(k);
-        // The root's rates are along fixed world axes, which do not rotate with the root: so half of v x S.
+        // Halves v x S: the derivatives count S' twice, but a root's axes, fixed in the world, need v x S once.
         Column { dof: k, link: 0, axis, first: data.velocity[0].cross(&axis) * 0.5, second: Motion::default() }
     };
     let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };

@@ -6,7 +6,7 @@ use crate::batch::Batch;
 /// step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Applies a batch's drives inside its frame ([`Batch::drives`]).
+    /// Applies a batch's drives ([`Batch::drives`]) while it steps a frame.
     pub drives: bool,
     /// Reports contact forces ([`Batch::contact_force`]).
     pub forces: bool,

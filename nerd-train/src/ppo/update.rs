@@ -201,7 +201,7 @@ impl TrainingNetwork {
     }
 }
 
-/// Forward and backward pass over a minibatch; `scale` weights each step in the mean loss.
+/// Forward and backward pass over a minibatch; `scale` (1 / batch size) multiplies each step's loss.
 fn gradient(
     policy: &Policy,
     network: &TrainingNetwork,

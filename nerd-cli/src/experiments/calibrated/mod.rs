@@ -76,8 +76,8 @@ pub struct Calibrated {
     /// Parameters as (name, `[lower bound, nominal, upper bound]`, unit).
     pub parameters: Vec<(String, [f64; 3], String)>,
     pub splits: Vec<Split>,
-    /// Objective of the first split along each parameter: `[parameter][place]`, with `[value, objective]` at each
-    /// place.
+    /// Objective of the first split along each parameter: `[parameter][k]` is the pair `[value, objective]` at the
+    /// parameter's k-th value.
     pub profiles: Vec<Vec<[f64; 2]>>,
 }
 

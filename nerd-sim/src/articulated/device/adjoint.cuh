@@ -12,7 +12,7 @@ constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a mask with a bit p
 
 // A recorded substep: q in its middle (Runge-Kutta: at its start), local qd at its start, rate found. Then idle
 // touches, slip and turn offsets of contacts (touch.cuh).
-constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // most contacts with recorded offsets, 0 for others
+constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // most contacts with recorded offsets; others take 0
 struct Kept {
     double q[NQ];
     real qd[NV], rate[NV];
@@ -25,7 +25,7 @@ struct Back {
     int steps;
     Kept kept[STEPS];
     int since[WEIGHTS];                 // substep that found a weight
-    // First stage of the first substep, if it had two: whether it was a single solve, rate, idle touches.
+    // Whether the first substep had two stages. Of its first: whether it was a single solve, rate, idle touches.
     bool twice, once;
     real guess[NV];
     unsigned early[IDLE];
@@ -109,7 +109,7 @@ BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
     });
 }
 
-// Second half => gradients w.r.t. the twists' rates `qd` (added to `out`) and displacements (added to b.loads).
+// Ends that adjoint => gradients w.r.t. the twists' rates `qd` (added to `out`), displacements (added to b.loads).
 BIG void adjoint_end(const Tree& t, Back& b, const real* qd, real* out) {
     twists_back(t, b.own, b.by_virtual, b.loads, 0);
     twists_back(t, b.qdd, b.by_quickened, b.loads, 0);

@@ -81,7 +81,7 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     const bool spinning = spins(kept.qd, h);
     for (int k = 0; k < NV; k++)
         w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
-    // The gradient of a held force goes on to the stage before, if its point has no contact in this substep.
+    // Passes the gradient of a held force to the stage before, unless its point has a contact in this substep.
     const auto begin_holds = [&]() {
         for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
         for (int n = 0; n < w.points; n++) b.holds[w.touch[n].index] = v3(0, 0, 0);
@@ -114,8 +114,8 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     }
     inv_mass_adjoint(w, b, number, h);
     twists_back(t, kept.qd, b.starts, b.loads, b.speed);
-    // `gather` adds the root's load to b.pose. Only the load's moment is a gradient: a displacement of the root changes
-    // nothing but contact gaps, and b.way is its gradient.
+    // `gather` adds the root's load to b.pose. Only the load's moment belongs there: moving the root changes only
+    // contact gaps, and b.way is the gradient through these.
     const V3 way = DOFS ? read3(b.pose + 3) + b.way : v3(0, 0, 0);
     gather(t, b.loads, b.pose);
     if (DOFS) write3(b.pose + 3, way);

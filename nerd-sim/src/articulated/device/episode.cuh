@@ -1,7 +1,7 @@
 // Starts of episodes and the robot's own controller, as system/start.rs and control.rs. Tables of the root: ranges
 // PLACES, ANG_VEL, VELOCITY, TILTS, orientation POSE. Of the joints: ranges STARTS_Q and STARTS_QD, MINUS (joint to
-// subtract, or -1), KP, KD, GAIN, DEFAULT_Q (default pose). Each point of a start is at least APART from the scene
-// APART_FROM.
+// subtract, or -1), KP, KD, GAIN, DEFAULT_Q (default pose). A start keeps contact point p at least APART[p] (m)
+// away from the scene APART_FROM.
 
 // State of a stream of random numbers in [0, 1).
 struct Draws { unsigned long long key[4], stream, block; unsigned words[16]; int at; };
@@ -135,7 +135,7 @@ BIG void strewn(Draws& d, double* state, const double* scene) {
 }
 #endif
 
-// Factor of M + h (KD + h KP), the matrix of a position law at the frame's end without contact. False if not positive
+// Factorises M + h (KD + h KP), for PD torques at the frame's end (STABLE_PD), without contact. False if not positive
 // definite.
 BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     know(t, scene);

@@ -11,7 +11,7 @@ FN void turned_back(const double* q, const real* by_turn, double* out) {
     for (int k = 0; k < 4; k++) out[k] *= scale;
 }
 
-// Half the imaginary part of `by` times the conjugate of q.
+// Im(by q*) / 2, with q* the conjugate of q.
 FN V3 half_turn(const double* by, const double* q) {
     const double conjugate[4] = {-q[0], -q[1], -q[2], q[3]};
     double out[4];

@@ -1,6 +1,6 @@
 // Self-collision, as articulated/fold.rs, which has the law. FOLDS pairs of parts: FOLD_PARTS, FOLD_INV_MASS (w times
-// n), FOLD_MATERIAL (with a margin). Per part: FOLD_LINK, FOLD_OWN (first and end of its capsules), FOLD_BALL (centre,
-// radius). CAPSULE: middle, half axis, radius.
+// most contacts, 1/kg), FOLD_MATERIAL (with a margin). Per part: FOLD_LINK, FOLD_OWN (first and end of its capsules),
+// FOLD_BALL (centre, radius). CAPSULE: middle, half axis, radius.
 
 struct Capsule { V3 middle, half; real radius; };
 
@@ -27,7 +27,7 @@ FN real meets(const Capsule& a, const Capsule& b, V3& normal, V3& place) {
     return distance - reach;
 }
 
-// First substep of a frame (s), before any refinement.
+// Length (s) of a substep before any refinement.
 constexpr real WHOLE = (real)(FRAME / CONTACT_SUBSTEPS);
 
 // Calls met(a, b, m, stiffness, bound, gap, n, x, v) for capsules of links a and b that may meet within h / 2. m:

@@ -96,7 +96,7 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps, 
     return times;
 }
 
-// Factor on the substeps of a frame in which a robot at rest creeps; 1 of any other frame.
+// Factor on the substeps of a frame in which a robot at rest creeps; 1 for any other frame.
 FN int times_at_rest(const Work& w, int substeps) {
     bool rests = w.creeps && substeps < SUBSTEPS_AT_REST;
     for (int k = 0; k < NV; k++) rests = rests && (k >= 3 && k < DOFS || size(w.tree.qd[k]) < AT_REST);

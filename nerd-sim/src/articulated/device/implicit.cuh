@@ -240,7 +240,7 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
     Tree& tr = w.tree;
     const int whole = 1 << MAX_HALVINGS;
     int halved = 0, done = 0;      // halvings of this substep; its finished part, in units of 1 / whole
-    real shared = 0;               // substep with known dampers (s)
+    real shared = 0;               // substep length (s) of the last call of `damp`
     keeper.begin(true, substeps);
     centre(tr, 1);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;

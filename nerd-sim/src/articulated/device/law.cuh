@@ -31,8 +31,8 @@ FN void shared(real share, real bound, real top, real x, real w, T by_share, T& 
     by_weight = by_weight + by_share * ((top - share) / w);
 }
 
-// Adjoint of touch.cuh's `inside`. by_gap: gradient w.r.t. the mean gap => w.r.t. the gap in the middle. by_half =>
-// gradient w.r.t. the size of half the gap's change. False if inside for all of the substep.
+// Adjoint of touch.cuh's `inside`. by_gap: gradient w.r.t. the mean gap => w.r.t. the gap in the middle. Sets by_half,
+// the gradient w.r.t. the size of half the gap's change. False if inside for all of the substep.
 template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& by_half) {
     half = size(half);
     if (!(gap + half > 0)) return false;

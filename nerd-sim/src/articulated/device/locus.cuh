@@ -1,6 +1,6 @@
 // Position of a contact point on its link, as nerd-core's contact.rs. NP points: POINT_LINK, POINT, RADIUS. With LOCI
-// some points move over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull). Their tables are RIM (axis, radius,
-// sine and cosine of the angle), HULL (first VERTEX and end) and REACH.
+// some points move over their link, by LOCUS (0 fixed, 1 on a rim, 2 on a hull). Their tables: RIM (axis, radius, sine
+// and cosine of the point's angle from the deepest), HULL (first VERTEX and end), REACH (m, farthest from POINT).
 
 constexpr int SEARCHES = 4;
 
@@ -34,7 +34,7 @@ FN V3 runs(const Tree& t, int point, V3 n, V3 spin, real time) {
     return (up_rate * rim[5] + (cross(axis_rate, up) + cross(axis, up_rate)) * rim[4]) * -rim[3];
 }
 
-// Position of a point that faces a surface of unit normal n; on a rim its own position, or the deepest (`own` false).
+// Position of a contact point at a surface of unit normal n. On a rim: at its own angle, or deepest (`own` false).
 FN V3 facing(const Tree& t, int point, V3 n, bool own) {
     if (!LOCI || LOCUS[point] == 0) return middle(t, point);
     const int link = POINT_LINK[point];

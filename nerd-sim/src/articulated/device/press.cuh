@@ -5,7 +5,7 @@ FN real damper_theta(real h, real damping, real weight, bool mean_theta) {
     return mean_theta ? (real)0.5 : most(1 - 1 / (h * damping * weight), (real)0.5);
 }
 
-// Whether a contact's damper sees it part, at a normal velocity vn at the substep's start and its change dn.
+// Whether a contact parts at its damper's velocity vn + theta dn; vn: normal velocity at the start, dn: its change.
 FN bool parts(const Touch& t, real vn, real dn, real h, real weight, bool mean_theta) {
     return vn + damper_theta(h, t.approach, weight, mean_theta) * dn >= 0;
 }

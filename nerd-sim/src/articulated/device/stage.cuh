@@ -73,8 +73,8 @@ BIG V3 solve_adjoint(Work& w, Back& b, const Touch& touch, const Law& law, real 
     return by_change - by_bend;
 }
 
-// Adjoint of the solves at w.middle, with result `rate` and touches `idle`; `first`: with the drags of the substep's
-// start. b.rate => gradients in b, and b.rate of the solves before.
+// Adjoint of a stage's solves at w.middle. `rate`: their result; `idle`: mask of idle touches; `first`: with the drags
+// of the substep's start. b.rate => gradients in b, and b.rate for the stage before.
 BIG void stage_adjoint(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first,
                        bool again) {
     Tree& t = w.tree;

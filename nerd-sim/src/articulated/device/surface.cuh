@@ -12,7 +12,7 @@ constexpr int SHARED = PAIRS_AT;
 #endif
 
 // A surface relative to an origin, by kind. 1: plane n . x = offset. 2: box. 3: cylinder about y; `half` has radius and
-// half height. 4, with FIELDS: heights of `grid` along the z axis of `turn`, nowhere above the plane; the origin is in
+// half height. 4, with FIELDS: heights of `grid` along the z axis of `turn`, none above n.x = offset; the origin is in
 // cell `cell` at `part`. With HULLS, 5: capsule about z; `half` has radius and half length. 6: hull within radius
 // `half.x`; `grid` has the number of triangles, then three corners and a normal of each.
 struct Surface {

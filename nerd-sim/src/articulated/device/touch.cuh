@@ -5,7 +5,7 @@
 constexpr int SCENE = SHARED + OWN;          // numbers of a scene's record
 constexpr int DRIVES = DRIVEN ? NJ : 0;
 constexpr int PAIRS = NP * NC;
-constexpr int MOST = PAIRS + PRESSED + 1;            // PRESSED: dry friction, both ends of a range
+constexpr int MOST = PAIRS + PRESSED + 1;            // most touches; PRESSED: those at joints
 constexpr int WEIGHTS = PAIRS + 2 * NJ + DRIVES + 1;
 constexpr int DRIVEN_AT = PAIRS + 2 * NJ;            // first weight of the drives
 
@@ -29,7 +29,7 @@ struct Touch {
     bool spring, drive, parted;   // a joint's limit or drive; a drive; a contact that would pull and no longer acts
 };
 
-// Drives of all joints, as a structure of arrays: loads for neighbouring joints overlap.
+// Drives of all joints, as a structure of arrays: memory loads for neighbouring joints overlap.
 constexpr int PULLS = DRIVES + 1;
 struct Drives {
     double target[PULLS];
@@ -62,7 +62,7 @@ struct Work {
     bool plain;           // whether the substep's mass matrix is factorised and `alone` known
     real alone[NJ + 1];   // w of joints: accelerations under a unit torque
     real damping_used[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // damping, thetas, torque of the spring
-    bool mean_theta;            // whether contacts and limits use theta of the mean over a substep
+    bool mean_theta;            // whether contacts and limits have theta 1/2 (springs 1/4) for any h
     bool may_gain_energy;        // whether something happened in the frame that may add energy
     bool creeps;              // whether a sticking contact creeps after the last solve
     bool touched;             // whether a point touched in the frame
@@ -72,7 +72,7 @@ struct Work {
     Along along;
     Wrench external[FOLDS ? NL : 1];      // forces between links
     real rate[NV], middle[NV], right[NV], qdd[NV];
-    // First stage of the substep, if it had two: rate; whether it was a single solve; idle touches (with drives only).
+    // `twice`: whether the substep had two stages. Its first: rate, whether a single solve, idle touches (if driven).
     real guess[NV];
     bool twice, once, early[DRIVEN ? MOST + DRIVES : 1];
 };
@@ -203,7 +203,7 @@ FN void add_contact(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     real gap = dot(n, x - nearest) - margin(w, point, c), part;
     const real half = (real)0.5 * h * dot(n, velocity);
     if (!inside(gap, half, part)) {
-        // By falling this far a point may land within the substep, although not at its present velocity.
+        // Gravity may land a point this near within the substep, although its present velocity would not.
         w.may_gain_energy = w.may_gain_energy || gap - size(half) < falls(w, h);
         return;
     }
@@ -379,7 +379,7 @@ template <class F> FN void points(Work& w, const F& f) {
         for (int k = 0; k < w.points; k++) f(w.touch[k], w.touch[k].link);
 }
 
-// Sets the slip offset so that the drag has a force's friction part at zero slip: force => t.slip_offset.
+// Sets t.slip_offset so that at zero slip the sticking drag gives the tangential part of `force`.
 FN void hold(Touch& t, V3 force) {
     t.slip_offset = t.friction_damping > 0 ? (force - t.normal * dot(t.normal, force)) * (1 / t.friction_damping)
                                            : v3(0, 0, 0);
@@ -391,7 +391,7 @@ FN real drag(real normal, real speed, real friction_damping, real friction) {
     return friction_damping * speed <= limit ? friction_damping : limit / speed;
 }
 
-// `drag` at a slip that includes breakaway, where `before` exceeds `inertia` and its force the cone, as in stick.rs.
+// Drag; with a breakaway slip if the drag `before` exceeds `inertia` and its force the friction cone (stick.rs).
 FN real breaking(real normal, real speed, real before, real friction_damping, real friction, real inertia) {
     const real over = speed * before - friction * normal;
     return drag(normal, over > 0 && before > inertia ? speed + BREAKAWAY * over / inertia : speed, friction_damping,
@@ -399,7 +399,7 @@ FN real breaking(real normal, real speed, real before, real friction_damping, re
 }
 
 #if TURNS
-// Torques: sticking drag; that drag if `arm` (m) is above 0; `hold`; drags at a slip, with breakaway if `leaps`.
+// For torques: sticking drag; the same, but 0 if `arm` is 0 m; `hold`; drags at a slip, with breakaway if `leaps`.
 FN real sticks(const Touch& t) { return TURN_STICK_DRAG * t.gyration * t.friction_damping; }
 FN real stick(const Touch& t, real arm) { return arm > 0 ? sticks(t) : 0; }
 FN void wind(Touch& t, V3 torque) {

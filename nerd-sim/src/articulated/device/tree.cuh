@@ -13,7 +13,7 @@ struct Tree {
     real qd[NV];         // local: (w, p_dot) of a floating root
     M3 rotation[NL];
     V3 position[NL];     // from the origin
-    V3 centre;           // point of the root's link at q: origin, or centre of mass in implicit frames (spin.cuh)
+    V3 centre;           // point whose position q holds (link axes): link's origin, or centre of mass (spin.cuh)
     Motion axis[NL];
     Motion velocity[NL];
     real tau[NV];        // bias forces

@@ -73,7 +73,7 @@ impl Press {
 }
 
 impl TurnLaw {
-    /// Torque and derivatives at a `change` `h J qdd` (rad/s) of the link's angular velocity. `law`: law of the
+    /// Torque and derivatives; `change`: change h J qdd (rad/s) of the link's angular velocity; `law`: law of the
     /// contact's force.
     pub(super) fn of(contact: &Contact, at: &At, law: &ContactLaw, change: &Vector3<f64>) -> Self {
         let n = &contact.normal;
