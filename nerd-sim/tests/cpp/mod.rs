@@ -57,7 +57,7 @@ impl Compiler {
         let (source, made) = (self.folder.path().join("kernels.cpp"), self.folder.path().join("kernels"));
         std::fs::write(&source, text).expect("a file");
         let done = Command::new(self.name)
-            .args(["-O0", "-w", "-std=c++17", "-o"])
+            .args(["-O1", "-w", "-std=c++17", "-o"])
             .arg(&made)
             .arg(&source)
             .output()
