@@ -18,8 +18,8 @@ pub(super) const HELD_FACTOR: f64 = 1.0 + 2.0 / STICK_DRAG;
 /// inertia. With all of that slip, the points of one body would stick and slip in turns.
 pub(super) const BREAKAWAY: f64 = 0.5;
 /// Slip (m/s) at which a sticking contact still creeps, and velocities (rad/s, m/s) below which a robot is at rest. A
-/// frame that creeps at rest takes at least `SUBSTEPS_AT_REST` substeps: each leaves the slip of whole bodies, whose
-/// inertia exceeds a contact's own, a few per cent of what the one before left.
+/// frame that creeps at rest takes at least `SUBSTEPS_AT_REST` substeps; with more
+/// of them it creeps less.
 pub(super) const CREEPS: f64 = 1e-7;
 pub(super) const AT_REST: f64 = 1e-3;
 pub(super) const SUBSTEPS_AT_REST: usize = 4;
